@@ -5,7 +5,8 @@
 //! takes what memory does not, before sending waits. A task of its own (`stream`) moves the items,
 //! reopens a broken stream under a higher epoch and sends the unanswered ones again, which is harmless
 //! (docs/wire.md, "Resume and duplicates"). Dropping a session ends it at once; what was not answered
-//! may then be missing on the server, or waits in the file for the next session.
+//! may then be missing on the server, or waits in the file for the next session. When a link is tried
+//! again and when it is given up is decided by `retry`.
 
 use std::fmt;
 use std::sync::Arc;

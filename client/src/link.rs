@@ -2,7 +2,8 @@
 //!
 //! A peer that vanishes without closing leaves a connection that looks alive (half-open). Probes find
 //! it: a session then makes a new connection and resumes. Calls that solve have no deadline of their
-//! own, as it would cut the solve short; the probes end them too.
+//! own, as it would cut the solve short; the probes end them too. These are options only: no connection
+//! is made here.
 
 use std::time::Duration;
 

@@ -1,7 +1,8 @@
 //! A copy of a map on the client's side, which deltas keep up to date.
 //!
 //! Entities come whole, so applying a delta is overwriting; a reset drops all there was. The parts
-//! of a delta are applied together or not at all (docs/wire.md, "Watching a map").
+//! of a delta are applied together or not at all (docs/wire.md, "Watching a map"). Knows no network:
+//! `watch` brings the deltas.
 
 use std::collections::BTreeMap;
 

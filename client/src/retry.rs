@@ -3,7 +3,7 @@
 //! Attempt k waits min(first · 2^k, longest), shortened at random by up to a half so that many
 //! robots do not come back in one instant; never less than what the server asked for. Attempts are
 //! counted since the last progress, so that a long session survives many short outages; the time is
-//! counted since the link broke.
+//! counted since the link broke. Which errors may be tried again is decided in `error`.
 
 use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher, Hasher, RandomState};
 use std::time::Duration;

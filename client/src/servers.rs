@@ -3,7 +3,8 @@
 //! Several servers may share maps (docs/cluster.md). A client is given the URLs of some, and goes to the
 //! first that answers. A server that does not serve a map names the one that does (MAP_OWNED_ELSEWHERE):
 //! the client then goes there. When a link breaks it goes back to the server that named the owner, and
-//! from there to the next of the URLs that it was given. With one URL it stays there.
+//! from there to the next of the URLs that it was given. With one URL it stays there. What is sent to
+//! them is not known here.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -2,7 +2,8 @@
 //!
 //! On each stream: open with an epoch above the last one, send what is unanswered, then what comes,
 //! and take acks. A stream that breaks is followed by the next (`retry`); a fenced one, a replaced
-//! map or a server that lost what it had acknowledged ends the session with the reason.
+//! map or a server that lost what it had acknowledged ends the session with the reason. Which items are
+//! unanswered is known to `outbox` alone.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -1,7 +1,8 @@
 //! Following a map: a mirror that is kept up to date over broken links.
 //!
 //! After a break the watch goes on from the revision it holds, naming the map's uid; the server
-//! answers the missing deltas, or a reset where it no longer has them or the map is another one.
+//! answers the missing deltas, or a reset where it no longer has them or the map is another one. It
+//! only reads: no map is changed.
 
 use tonic::Streaming;
 

@@ -1,5 +1,7 @@
 //! Depth of structured-light cameras: its noise, what it is at a point of the image, and the depth
-//! image as it would have been when the color was taken.
+//! image as it would have been when the color was taken. The noise is that of structured light: other
+//! cameras need another formula. Between the two times only the camera's turn is corrected, not its
+//! shift.
 
 use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::{Vector2, Vector3};

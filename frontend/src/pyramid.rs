@@ -1,7 +1,8 @@
 //! The image pyramid: each level has half the columns and rows of the one below it.
 //!
 //! A pixel (u, v) of level 0 lies at ((u + ½) / 2^l − ½, …) of level l, since integers are centers
-//! of pixels. Intensities stay 8 bit; what is between pixels is interpolated.
+//! of pixels. Intensities stay 8 bit; what is between pixels is interpolated. Knows neither cameras nor
+//! what images show.
 
 use super::image::Image;
 

@@ -2,7 +2,8 @@
 //!
 //! Ω = Σ⁻¹ = RᵀR with R upper triangular; a whitened residual is R r. Conversions are explicit and
 //! checked, so that nobody passes a covariance where an information matrix belongs. Ω may be
-//! singular where a caller asks for that: a direction that was not measured has no information.
+//! singular where a caller asks for that: a direction that was not measured has no information. What a
+//! residual is, and which loss it has, is not known here.
 
 use nalgebra::{Cholesky, SMatrix, SVector};
 

@@ -2,7 +2,8 @@
 //!
 //! A voxel is projected to its pixel, and measures the distance to the plane through the pixel's
 //! surface point: (measured depth − own depth) / |n|, where n is the normal of depth as a function of
-//! the ray. The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996), see `update`.
+//! the ray. The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996), see `update`. Which
+//! blocks are fused is decided by `integrate`.
 
 use super::block::{Block, DISTANCE_ONE, WEIGHT_ONE};
 use super::lanes::{Lanes, WIDTH};

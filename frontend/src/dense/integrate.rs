@@ -2,7 +2,8 @@
 //!
 //! Four passes, each parallel over fixed pieces on the pool of the caller: pixels are packed and rays
 //! mark blocks; existing blocks clear their marks; the blocks still marked are allocated, in order; all
-//! blocks in view are fused. Results do not depend on the number of threads, to the bit.
+//! blocks in view are fused. Results do not depend on the number of threads, to the bit. A pose is
+//! taken as it is given.
 
 use std::sync::{Mutex, PoisonError};
 

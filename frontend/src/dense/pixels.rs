@@ -3,7 +3,7 @@
 //! Bits, from the lowest: depth (16, 0 where there is none), its relative change from column to column
 //! and from row to row (8 each, signed), red, green, blue (8 each), the ratio of the distance along the
 //! surface's normal to that along the optical axis (7), and whether depth jumps nearby (1). Depth that
-//! is NaN, out of range, or of something that moves counts as none.
+//! is NaN, out of range, or of something that moves counts as none. Knows no blocks and no pose.
 
 use super::lanes::{Kernel, Lanes, WIDTH};
 use super::tiles::{NOTHING, Range, TILE, join};

@@ -2,7 +2,7 @@
 //!
 //! There is one bit per block in a box around all that the camera can see. Rays, as dense as blocks
 //! require, set bits in parallel, in any order; existing blocks clear theirs, and the remaining bits
-//! are new blocks.
+//! are new blocks. It marks bits; `integrate` allocates the blocks.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

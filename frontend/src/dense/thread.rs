@@ -3,7 +3,7 @@
 //! Frames and corrections are handed over and processed in order, so that the volume does not depend on
 //! timing. Tracking does not wait until a frame is integrated. It waits only for a place in a short
 //! queue when it is faster for long, so that no frame of a recorded sequence is dropped. Each frame
-//! takes a bounded time, whatever a correction moved.
+//! takes a bounded time, whatever a correction moved. Which frames are mapped is decided by tracking.
 
 use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
 use std::thread::JoinHandle;

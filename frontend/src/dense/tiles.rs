@@ -1,6 +1,6 @@
 //! Nearest and farthest depth of each part of an image: tiles of 8 × 8 pixels, of 16 × 16, and so on.
 //!
-//! Pixels without depth are ignored.
+//! Pixels without depth are ignored. Knows neither poses nor blocks.
 
 use crate::image::Image;
 

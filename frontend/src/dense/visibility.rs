@@ -1,5 +1,5 @@
 //! Where blocks lie in an image, and whether its depth concerns them. Answers are conservative: a block
-//! that is reported as not seen is not seen.
+//! that is reported as not seen is not seen. It reads depth by tiles, no pixels.
 
 use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3};
 use nalgebra::{Matrix3, Vector3};

@@ -1,4 +1,6 @@
 //! SplitMix64 (Steele, Lea and Flood 2014): random numbers that no library's next version changes.
+//!
+//! The sequence must not change: descriptors in maps depend on it.
 
 /// The generator; its state is the seed.
 pub(super) struct SplitMix64(pub(super) u64);

@@ -3,7 +3,7 @@
 //! As the script of the TUM RGB-D benchmark does it: of all pairs that are less than the limit apart,
 //! the nearest is taken and both its images are used up, then the next nearest. Where that leaves a
 //! color image alone it shares the nearest depth image: to a tracker a frame less is a leap.
-//! The limit follows from the rates of the two lists.
+//! The limit follows from the rates of the two lists. It knows times alone and opens no image.
 
 use super::list::Entry;
 

@@ -1,7 +1,8 @@
 //! Which intrinsics a folder's images have: given, from `camera.txt`, by the folder's name, assumed.
 //!
 //! A camera is 4 numbers, fx fy cx cy in pixels, or 9, with k1 k2 p1 p2 k3 after them; between numbers
-//! stand white space or commas, and `#` begins a comment. Color and depth share the camera.
+//! stand white space or commas, and `#` begins a comment. Color and depth share the camera. It
+//! calibrates nothing and opens no image.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,6 @@
 //! Images to PNG: color, 8-bit gray for masks, 16-bit gray for depth. Quick rather than small.
+//!
+//! It writes no files: bytes go to the caller.
 
 use png::{BitDepth, ColorType, Compression, Encoder, EncodingError};
 

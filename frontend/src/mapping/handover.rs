@@ -5,7 +5,7 @@
 //! it with what is newer and puts it there again: what waits never grows beyond one value for each
 //! keyframe and landmark, and the answer to the last question. Tracking fetches it between two frames, or
 //! at the next one where mapping holds the place just then. In lock-step tracking waits instead after
-//! each keyframe and each question.
+//! each keyframe and each question. Knows neither messages nor the network.
 
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -3,6 +3,7 @@
 //! A new question waits for the answer to the one before, and takes the place of another that waits. A call
 //! that fails, for instance because the server does not recognize places, is answered by nothing a moment
 //! later: tracking asks again, and resumes by itself where the camera comes back to what it saw last.
+//! What an answer does to tracking is not known here.
 
 use std::pin::Pin;
 use std::time::Duration;

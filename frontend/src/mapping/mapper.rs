@@ -3,7 +3,8 @@
 //! Beside tracking it waits for keyframes, questions, deltas and answers at once and takes whichever
 //! comes. A keyframe for which the session has no room is left out; after an error that is final, all
 //! are, and tracking continues without corrections. In lock-step each keyframe has a session of its own: the end of a stream waits
-//! for all that its items started, searches for known places and their closures among them.
+//! for all that its items started, searches for known places and their closures among them. Poses and
+//! corrections are kept by `book`; it tracks nothing.
 
 use std::pin::pin;
 

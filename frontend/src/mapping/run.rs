@@ -5,7 +5,7 @@
 //! ([`crate::dense::thread`]), and the server does local mapping and loop closing. Tracking never waits
 //! for the server. In lock-step it waits at each keyframe until a solve has included it, so that a run
 //! repeats to the last digit. Frames are decoded ahead on a separate thread; a frame that cannot be
-//! read is reported and skipped.
+//! read is reported and skipped. It writes no files and prints nothing.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use tokio::sync::{mpsc, oneshot};

@@ -2,6 +2,7 @@
 //! optimization of the whole map by its rows.
 //!
 //! Answers come on the session's task, so that they are kept behind a lock, held for a push alone.
+//! Tracking never reads it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

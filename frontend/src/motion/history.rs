@@ -4,6 +4,7 @@
 //! such a witness saw something clearly behind the point, the space was free then: the point has moved
 //! there, because no occlusion explains it. Where the witness saw the same depth, gray levels decide
 //! whether it is the same surface. A place that moved in the witness gives no vote for standing still.
+//! It votes for each cell alone; which cells make an object is decided in `regions`.
 
 use std::collections::{BTreeMap, VecDeque};
 

@@ -2,7 +2,7 @@
 //!
 //! Votes spread along surfaces and stop at depth discontinuities (the recursive filter of Gastal and
 //! Oliveira, "Domain transform for edge-aware image and video processing", 2011). A cell moves if most
-//! of the votes that reach it are for movement.
+//! of the votes that reach it are for movement. It reads votes and depth, no image.
 
 use super::history::Votes;
 use crate::image::Image;

@@ -2,7 +2,8 @@
 //!
 //! While the camera turns, the rolling shutter distorts a frame, and depth is measured at another time
 //! than color. Both effects can be corrected once the next frame shows the motion; until then the first
-//! keyframe is held back. Landmarks with an uncorrected distortion would never fit again.
+//! keyframe is held back. Landmarks with an uncorrected distortion would never fit again. No later
+//! keyframe is made twice.
 
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! B. and D. Matches of a frame with landmarks, and the pose that fits the static ones.
 //!
 //! Landmarks are matched before movement is detected, as in the paper: movement is visible only from
-//! approximately the right pose.
+//! approximately the right pose. No keyframe is made here, and the map is only read.
 
 use covis_solvers::geometry::Se3;
 

@@ -4,6 +4,7 @@
 //! The camera looks at the wall (z) and moves along it (x). Points are evenly spaced along the wall at
 //! random heights and distances of 3 to 6 m; each view shows the nearest, a tenth of them for the first
 //! time. Poses are odometry, which drifts. Everything is a function of the seed and the view's number.
+//! Knows neither clients nor messages.
 
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use nalgebra::{SVector, Vector2, Vector3};

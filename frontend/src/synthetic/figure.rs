@@ -1,7 +1,8 @@
 //! People of capsules and ellipsoids: walking along a path, or sitting and gesturing.
 //!
 //! A figure's axes are x forward, y left, z up, with the origin on the floor. Limbs swing about y;
-//! an angle is from straight down, positive forward, rad.
+//! an angle is from straight down, positive forward, rad. Where a figure goes is chosen by `scene`:
+//! nothing here looks for obstacles.
 
 use std::f64::consts::{PI, TAU};
 

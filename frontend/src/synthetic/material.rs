@@ -3,7 +3,8 @@
 //! A layer is a lattice of random values, mixed near the borders of its cells. The mixing is as wide
 //! as a pixel's footprint at least, and a layer whose cells are smaller than that fades away: textures
 //! do not alias, and no ray is shot twice for them. Layers are turned against each other and hashed by
-//! position, so that nothing repeats. Textures stand in a solid's own axes and move with it.
+//! position, so that nothing repeats. Textures stand in a solid's own axes and move with it. Knows no
+//! light and no camera.
 
 use nalgebra::Vector3;
 

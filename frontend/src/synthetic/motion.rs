@@ -1,6 +1,7 @@
 //! How the camera moves: carried by a hand that sways, or once around the room.
 //!
-//! Sums of sinusoids with random phases, so that position and orientation are smooth at any time.
+//! Sums of sinusoids with random phases, so that position and orientation are smooth at any time. Knows
+//! nothing of the room.
 
 use std::f64::consts::TAU;
 

@@ -3,7 +3,7 @@
 //! A ray goes through each pixel's center and is tried against the solids whose outline touches its
 //! tile, nearest first, so that what is hidden costs little. Depth is of the center ray alone; color is
 //! averaged over four rays where a pixel's neighbors show something else. Rows are drawn in parallel
-//! and each pixel by itself.
+//! and each pixel by itself. Noise and exposure are added by `sensor`.
 
 use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3};
 use nalgebra::{Matrix3, Vector3};

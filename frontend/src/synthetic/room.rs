@@ -1,7 +1,7 @@
 //! The room that all scenes share: walls, desk, shelves, posters, and what lies on them.
 //!
 //! The world's z points up, the origin lies on the floor in the middle. Each seed moves things a
-//! little and paints everything anew.
+//! little and paints everything anew. Nothing here moves.
 
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};

@@ -3,7 +3,7 @@
 //! Depth: deviation 0.0012 + 0.0019 (z − 0.4)² m (Nguyen, Izadi and Lovell, 3DIMPVT 2012), then the
 //! steps of the disparity, an eighth of a pixel; none nearer than 0.4 m, farther than 4.5 m, at grazing
 //! angles, and in patches along edges. Color: gray levels of deviation 2. The noise of a pixel is a
-//! hash of seed, frame and pixel.
+//! hash of seed, frame and pixel. The truth of poses and masks is not changed.
 
 use rayon::prelude::*;
 

@@ -2,7 +2,8 @@
 //!
 //! `rgb/`, `depth/` and `mask/` hold a PNG a frame, named by its time; `rgb.txt`, `depth.txt` and
 //! `mask.txt` list them. `groundtruth.txt` is world_from_camera at the frames' times, `camera.txt` the
-//! intrinsics. Lists come last: a folder whose writing was cut short is no sequence.
+//! intrinsics. Lists come last: a folder whose writing was cut short is no sequence. It reads nothing
+//! back; files of the same names are replaced.
 
 use std::path::{Path, PathBuf};
 

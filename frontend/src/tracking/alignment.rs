@@ -6,7 +6,8 @@
 //! Exposure may change by gain and offset, current = gain · reference + offset. Residuals are weighted
 //! by Student's t distribution, so that moving objects have little influence.
 //!
-//! The sums over pixels are computed in `patches`, many patches at a time.
+//! The sums over pixels are computed in `patches`, many patches at a time. Depth is needed in the
+//! reference only; the map is not known here.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::{Matrix6, SVector, Vector6};

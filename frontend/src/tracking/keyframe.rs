@@ -1,5 +1,5 @@
 //! When a frame becomes a keyframe, and which landmarks it adds: FAST corners in cells without a match,
-//! each with a descriptor. Keyframes are sent to the server as they are here.
+//! each with a descriptor. Keyframes are sent to the server as they are here. Nothing is sent here.
 
 use std::sync::Arc;
 

@@ -2,7 +2,8 @@
 //!
 //! The local map consists of the keyframes with the most landmarks that project into the frame. In each
 //! cell of the image the landmark that was seen most often is searched for, with the patch of the
-//! keyframe that saw it from the closest direction. If it is not found, the next one is tried.
+//! keyframe that saw it from the closest direction. If it is not found, the next one is tried. It
+//! changes neither the map nor the pose.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::{Matrix2, Vector2, Vector3};

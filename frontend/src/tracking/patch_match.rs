@@ -2,7 +2,8 @@
 //!
 //! The patch is warped into the view of the current frame by the affine map A and moved over the image
 //! until intensities agree up to the offset γ, which models another exposure. Inverse compositional in
-//! two dimensions: gradients are those of the warped patch. Works on one level of the pyramids.
+//! two dimensions: gradients are those of the warped patch. Works on one level of the pyramids. Where
+//! to search is decided by `local_matching`.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 

@@ -1,6 +1,6 @@
 //! The points for the alignment of the next frame: one per cell, where the gradient is steepest.
 //!
-//! Points lie only on surfaces, and where nothing moves.
+//! Points lie only on surfaces, and where nothing moves. They serve one alignment and are no landmarks.
 
 use nalgebra::{Vector2, Vector3};
 

@@ -4,7 +4,7 @@
 //! of frames that it fitted. New landmarks in the same part of the image share one weight, because
 //! they may belong to one moving object: each part of the image counts the same, however many corners
 //! it has.
-//! Gives the pose, its information, and which matches are inliers.
+//! Gives the pose, its information, and which matches are inliers. Landmarks do not move.
 
 use std::collections::BTreeMap;
 

@@ -2,7 +2,8 @@
 //!
 //! Uses all pixels of the coarsest level that showed nothing moving, so that the guess is good where
 //! the camera turns by much more than the patches of an alignment reach (like the first step of the
-//! tracker of Klein and Murray, ECCV 2008). Inverse compositional Gauss-Newton over SO(3).
+//! tracker of Klein and Murray, ECCV 2008). Inverse compositional Gauss-Newton over SO(3). It is a
+//! first guess for `alignment`, never the pose of a frame.
 
 use covis_solvers::geometry::{LieGroup, So3};
 use nalgebra::{Matrix3, Vector2, Vector3};

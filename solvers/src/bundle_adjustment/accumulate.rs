@@ -4,7 +4,8 @@
 //! M = I − G Gᵀ. A view's share of the reduced system is J_vᵀ M J_v, its gradient J_vᵀ (r − G y) with
 //! y = L⁻¹ g_l; a pair of views has −E_i E_jᵀ with E = J_vᵀ G. Lanes are observations for G and M,
 //! landmarks for L, and entries of a block for the products. Jacobians live in a tile and are never
-//! written out; a landmark leaves only L, g_l and D behind.
+//! written out; a landmark leaves only L, g_l and D behind. Sums one chunk alone: `reduce` adds the
+//! chunks. A landmark whose block is not positive definite is reported, not repaired.
 
 use crate::interrupt::Interrupt;
 use crate::simd::{Lanes, Line, WIDTH};

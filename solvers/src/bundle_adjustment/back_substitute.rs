@@ -1,7 +1,8 @@
 //! The two passes after the reduced system: landmark steps, and the cost of a state.
 //!
 //! δ_l = −(L Lᵀ)⁻¹ (g_l + Σ J_lᵀ J_v δ_v) with the Jacobians of the linearization point computed anew,
-//! which is cheaper than reading them back from memory.
+//! which is cheaper than reading them back from memory. Nothing is moved here: `system` applies the
+//! steps.
 
 use crate::interrupt::Interrupt;
 use crate::loss::Loss;

@@ -2,7 +2,8 @@
 //!
 //! Every chunk keeps a block for each pair of views that occurs in it (its *slots*), and every pair
 //! of observations knows its slot, so that the hot loop only adds. The pairs of a landmark with
-//! track length k are stored row by row: (1,0), (2,0), (2,1), …, with the later view first.
+//! track length k are stored row by row: (1,0), (2,0), (2,1), …, with the later view first. It reads
+//! indices, no values.
 
 use rayon::prelude::*;
 

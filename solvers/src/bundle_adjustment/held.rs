@@ -1,4 +1,6 @@
 //! A problem that a system works on: borrowed for one solve, or owned by a worker between requests.
+//!
+//! It adds no check and makes no copy.
 
 use std::ops::{Deref, DerefMut};
 

@@ -2,7 +2,8 @@
 //!
 //! Products come from [`Product`](super::product) over the chunks, pose factors and the damping are
 //! added; the preconditioner is the inverse of the system's diagonal blocks (Schur-Jacobi). Steps
-//! are inexact on purpose.
+//! are inexact on purpose. The matrix is never formed; whether this solver is used is decided in
+//! `reduced_solver`.
 
 use rayon::prelude::*;
 

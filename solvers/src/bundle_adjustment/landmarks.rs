@@ -2,7 +2,7 @@
 //!
 //! Observations are handled with a lane each. Between them and the lanes of landmarks stand
 //! [`Rows`]: a row an observation or a landmark, turned by transposing, summed in the order of the
-//! track. What eight landmarks leave behind is a [`LandmarkGroup`].
+//! track. What eight landmarks leave behind is a [`LandmarkGroup`]. Knows neither views nor cameras.
 
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
 //! Factors that touch poses only: relative poses, pose priors, position priors.
 //!
 //! They enter the reduced camera system directly. There are few of them, so they are summed in
-//! order on one thread.
+//! order on one thread. Observations are not read here.
 
 use std::sync::Arc;
 

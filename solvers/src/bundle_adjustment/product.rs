@@ -3,7 +3,8 @@
 //! S p = Σ J_vᵀ (J_v p_v − J_l (L Lᵀ)⁻¹ Σ J_lᵀ J_v p_v) over the observations of each landmark, with
 //! Jacobians computed anew: for hundreds of cameras that is fewer bytes than reading S would be, and
 //! the pairs of views need never be known (Agarwal et al., "Bundle adjustment in the large", 2010).
-//! A chunk sums into its own views; the sums are added in the chunks' order.
+//! A chunk sums into its own views; the sums are added in the chunks' order. The landmarks' factors are
+//! those of the last fused pass at the same state and damping; it makes none.
 
 use crate::interrupt::Interrupt;
 use crate::simd::{Lanes, Line, WIDTH};

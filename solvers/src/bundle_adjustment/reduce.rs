@@ -1,7 +1,8 @@
 //! From the sums of the chunks to the reduced camera system.
 //!
 //! Each block row is summed by one task, chunk after chunk, so that its bits do not depend on the
-//! number of threads. Views become blocks here: a part of a view's columns lands in its block.
+//! number of threads. Views become blocks here: a part of a view's columns lands in its block. It
+//! evaluates no residual.
 
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 //! Landmarks are sorted by the first view that sees them and observations within a landmark by view,
 //! so that neighbors touch the same views. The order is cut into *chunks*, which threads take, and
 //! those into *tiles*, which stay in the first-level cache. Chunks depend on the problem only, never
-//! on the number of threads, and so do all sums.
+//! on the number of threads, and so do all sums. No residual is evaluated here.
 
 use std::ops::Range;
 

@@ -2,7 +2,8 @@
 //!
 //! One fused pass linearizes and eliminates for a damping at once; another damping at the same state
 //! runs it again, since nothing of the size of the observations is kept. Landmarks live here in the
-//! kernels' order and go back to the problem at the end.
+//! kernels' order and go back to the problem at the end. It takes no decision of the loop, and
+//! `reduced_solver` chooses its linear solver.
 
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! How long each residual of a problem is: what histograms and colored pictures are made of.
 //!
 //! The numbers are those that [`super::bundle_cost`] and [`super::pose_graph_cost`] sum up. What an index
-//! out of range makes of a factor is not a number.
+//! out of range makes of a factor is not a number. Losses are not applied.
 
 use super::cost::{edge_chi2, observe, rigids};
 use super::reference::ReferencePose;

@@ -5,7 +5,8 @@
 //!
 //! SE(3): with q = (v, w), w ≥ 0 and θ = 2 atan2(|v|, w), ω = θ v/|v| and
 //! ρ = V⁻¹ t = t − ½ ω × t + c ω × (ω × t), c = (1 − (θ/2) cot(θ/2)) / θ².
-//! SE(2): ρ = V⁻¹ t with V⁻¹ = (a, θ/2; −θ/2, a), a = (θ/2) cot(θ/2).
+//! SE(2): ρ = V⁻¹ t with V⁻¹ = (a, θ/2; −θ/2, a), a = (θ/2) cot(θ/2). It must not call the logarithms
+//! and camera models of `geometry`: it is what they are compared with.
 
 use nalgebra::{Matrix3, SVector, Vector2, Vector3, Vector4};
 

@@ -1,7 +1,7 @@
 //! Compensated summation: Neumaier's variant of Kahan's algorithm (1974).
 //!
 //! The error does not grow with the number of terms, so that a total can be compared with another
-//! evaluator's to the last digits.
+//! evaluator's to the last digits. The last bit still depends on the order of the terms.
 
 /// A running sum with its accumulated rounding error.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,7 +1,8 @@
 //! Relative-pose factor in any group: r = Log(Z⁻¹ · X_i⁻¹ · X_j), Z = `i_from_j` measured.
 //!
 //! With E = Z⁻¹ X_i⁻¹ X_j and right updates, ∂r/∂δ_j = J_r⁻¹(r) and
-//! ∂r/∂δ_i = −J_r⁻¹(r) · Ad(X_j⁻¹ X_i), exact for residuals of any size.
+//! ∂r/∂δ_i = −J_r⁻¹(r) · Ad(X_j⁻¹ X_i), exact for residuals of any size. Residual and Jacobians are not
+//! whitened here.
 
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;

@@ -4,7 +4,7 @@
 //! reprojection (RGB-D and stereo) adds (p_z − d) / σ_d, d the depth along the optical axis in meters
 //! (equation 8 of the reference frontend's paper). With the right update, ∂p/∂δ = [−I | p^] and
 //! ∂p/∂X = Rᵀ. A point behind the camera has a residual like any other (BAL's reading); only a
-//! projection that is not finite has none.
+//! projection that is not finite has none. Losses are applied by the caller.
 
 use nalgebra::{RowVector3, SMatrix, SVector, Vector2, Vector3};
 

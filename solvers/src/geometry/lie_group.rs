@@ -2,7 +2,8 @@
 //!
 //! A group element acts on the right: `T ⊞ δ = T · Exp(δ)` and `a ⊟ b = Log(b⁻¹ · a)`, so that
 //! `b ⊞ (a ⊟ b) = a`. Jacobians follow Solà, Deray and Atchuthan, "A micro Lie theory for state
-//! estimation in robotics" (2018), with the tangent ordered translation, rotation, log scale.
+//! estimation in robotics" (2018), with the tangent ordered translation, rotation, log scale. The trait
+//! knows no noise and no factors.
 
 use std::fmt::Debug;
 

@@ -3,7 +3,7 @@
 //! W = c I + a φ^ + b φ^², with c = (e^σ − 1)/σ, and a, b from w = (e^z − 1)/z, z = σ + iθ:
 //! Im w = aθ and Re w = c − bθ². Below |z| = 1 all three come from the power series Σ zⁿ/(n+1)!,
 //! split by a recurrence that never divides by θ. Above it a is a closed form, and b follows from
-//! (σI + φ^) W = e^σ R − I, read off where it divides by the larger of σ and θ.
+//! (σI + φ^) W = e^σ R − I, read off where it divides by the larger of σ and θ. It serves `sim3` alone.
 
 use nalgebra::{Matrix3, Vector3};
 

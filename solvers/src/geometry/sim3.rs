@@ -3,7 +3,8 @@
 //! The tangent is (ρ, φ, σ), with s = e^σ and t = W(φ, σ) ρ (see `scale_integral`). The left
 //! Jacobian is [W Q p; 0 J 0; 0 0 1]; its coupling (Q, p) is summed as a power series at a tangent
 //! halved until it is short, then doubled by J(2τ) = ½ (I + Ad_Exp(τ)) J(τ), exact at any size.
-//! J_r(τ) = J_l(−τ), and the inverse is taken block by block in closed form.
+//! J_r(τ) = J_l(−τ), and the inverse is taken block by block in closed form. That the scale is positive
+//! is not checked here.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 

@@ -1,4 +1,7 @@
 //! Start values where a problem comes without them.
+//!
+//! Triangulation, P3P, and starts of pose graphs; bringing a start to the optimum is done on higher
+//! floors.
 
 mod alignment;
 mod chordal;

@@ -4,7 +4,7 @@
 //! numbers a camera (Rodrigues vector and translation of camera_from_world, focal length, k1, k2),
 //! then three a point. BAL's camera looks down −z with y up, and its image's v points up: on import
 //! the camera's y and z and the image's v are flipped, on export flipped back (`down_z`). The world and
-//! the cost ½ Σ ‖r‖² stay as they are.
+//! the cost ½ Σ ‖r‖² stay as they are. Compressed files are refused, not unpacked.
 
 use std::path::Path;
 

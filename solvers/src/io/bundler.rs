@@ -4,7 +4,8 @@
 //! Text: `# Bundle file v0.3`, counts of cameras and points, then a camera (focal length, k1, k2, the
 //! rows of R, t of camera_from_world) and a point (position, color, and its views `camera key x y`).
 //! Cameras look down −z with y up; x and y are pixels from the image's center, y up (`down_z`). A
-//! camera of zeros was not reconstructed: it keeps its number and is in no problem.
+//! camera of zeros was not reconstructed: it keeps its number and is in no problem. Images and keypoint
+//! files are never opened.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,6 @@
 //! Reading and writing whole files, errors with the path.
+//!
+//! It must not interpret bytes, except that compressed files are recognized and refused.
 
 use std::fs;
 use std::io;

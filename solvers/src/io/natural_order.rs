@@ -1,7 +1,8 @@
 //! The order a person expects of numbered names: `image2` before `image10`.
 //!
 //! Runs of ASCII digits compare by value at any length, everything else by bytes. Names that differ
-//! in leading zeros only are ordered by bytes, so that the order is total.
+//! in leading zeros only are ordered by bytes, so that the order is total. It compares names and
+//! changes none.
 
 use std::cmp::Ordering;
 

@@ -2,7 +2,8 @@
 //!
 //! A checked solve measures ‖(H + D) x − g‖ / ‖g‖ with the matrix itself, not with the factor, so
 //! that a wrong kernel or a hopeless condition is seen; one step of iterative refinement
-//! (x ← x + L⁻ᵀL⁻¹ r) follows where the residual is above 1e-10.
+//! (x ← x + L⁻ᵀL⁻¹ r) follows where the residual is above 1e-10. A solution that stays inaccurate is
+//! returned with its residual; the caller judges it.
 
 use std::sync::Arc;
 

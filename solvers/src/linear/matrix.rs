@@ -4,7 +4,7 @@
 //! row's values are contiguous, so rows can be filled in parallel, each by one owner, and the sums
 //! keep one order at any thread count.
 //! In a diagonal block only the lower triangle is read (by factorizations and by the product);
-//! what stands above it may be anything finite.
+//! what stands above it may be anything finite. It orders and factors nothing.
 
 use std::sync::Arc;
 

@@ -4,7 +4,7 @@
 //! supernodes, lays out the factor and takes all memory; factoring (multifrontal, in parallel over
 //! the elimination tree on the rayon pool of the caller) and solving take none. Kernels are compiled
 //! for each instruction set; the classes with fused multiply-add give the same bits, and so does any
-//! number of threads.
+//! number of threads. The pattern never changes after planning: `growing` is for systems that grow.
 
 use std::sync::Arc;
 

@@ -2,7 +2,8 @@
 //!
 //! A landmark is eliminated by projection (`views`): S = Jᵀ(I − QQᵀ)J, with Q a basis of the columns
 //! of its Jacobian. The terms JᵀJ of the poses that stay are the same with and without the removed
-//! one; they cancel and are not formed, except on the diagonal that gives the scale.
+//! one; they cancel and are not formed, except on the diagonal that gives the scale. It recovers no
+//! factors: see `recovery`.
 
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector};
 

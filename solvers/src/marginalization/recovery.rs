@@ -4,7 +4,8 @@
 //! motion from i to j when all other nodes are eliminated. In e = δ_j − Ad(X_j⁻¹ X_i) δ_i, the change
 //! of that motion, Δ has no part along δ_i left, and Ω_ij is the block of j. The tree is chosen from
 //! covariances, which need Δ + εI; the edges' information is then taken from Δ itself, halving the
-//! tree and eliminating what a half does not touch: O(n³) for all.
+//! tree and eliminating what a half does not touch: O(n³) for all. It reads Δ and the estimates, no
+//! observation.
 
 use nalgebra::{Cholesky, DMatrix, Matrix6};
 

@@ -3,7 +3,8 @@
 //! With J the whitened Jacobian of a landmark's observations by the poses and Q an orthonormal basis
 //! of the columns of that by the landmark, Jᵀ(I − QQᵀ)J is what they say of the poses when the
 //! landmark is eliminated. Nothing is squared or inverted: parallax of a billionth still counts, and
-//! a landmark with one view says nothing, whatever directions that view leaves open.
+//! a landmark with one view says nothing, whatever directions that view leaves open. No estimate is
+//! moved.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 

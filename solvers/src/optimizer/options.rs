@@ -1,6 +1,7 @@
 //! How to solve: method, limits, tolerances, threads.
 //!
-//! Every option says its default; `validate` names the one that is out of range.
+//! Every option says its default; `validate` names the one that is out of range. Options of one kind of
+//! problem are in that problem's module.
 
 use std::time::Duration;
 

@@ -3,7 +3,8 @@
 //! Minimizes ½ Σ ρ(‖r‖²) over `world_from_camera` (equation 8 of the reference frontend's paper),
 //! with an optional prior. Six unknowns: one dense 6 × 6 system a step, on the caller's thread.
 //! Observations are packed by eight (`observations`) and summed in lanes (`normal_equations`: cost, H
-//! and g in one pass); `one_by_one` takes over where a number is not finite.
+//! and g in one pass); `one_by_one` takes over where a number is not finite. Landmarks and camera stay
+//! as they are.
 
 mod normal_equations;
 mod observations;

@@ -1,7 +1,8 @@
 //! One pose as the trust-region loop sees it: six unknowns and a dense system.
 //!
 //! Cost, H and g come from one pass, made where a step is tried: most steps are accepted, and then
-//! the next linearization is there already. Steps solve (H + λD) δ = −g and move T ← T · Exp(δ).
+//! the next linearization is there already. Steps solve (H + λD) δ = −g and move T ← T · Exp(δ). It
+//! takes no decision of the loop.
 
 use nalgebra::SVector;
 

@@ -1,7 +1,8 @@
 //! A bundle adjustment problem: poses, cameras and landmarks tied by observations.
 //!
 //! Poses are `world_from_camera`, landmarks `point_in_world`. Besides the two observation batches a
-//! problem may hold relative-pose factors, pose priors and position priors, which touch poses only.
+//! problem may hold relative-pose factors, pose priors and position priors, which touch poses only. It
+//! holds and checks; no cost is computed here.
 
 use nalgebra::Vector3;
 

@@ -1,6 +1,7 @@
 //! Disjoint sets of indices by union-find with path halving.
 //!
-//! The root of a set is its lowest member, so that sets come out in order.
+//! The root of a set is its lowest member, so that sets come out in order. Sets only grow: there is no
+//! split.
 
 /// A partition of 0..count.
 #[derive(Clone, Debug)]

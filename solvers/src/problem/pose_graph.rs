@@ -2,7 +2,8 @@
 //!
 //! A factor between poses i and j with measurement Z = `i_from_j` has the residual
 //! r = Log(Z⁻¹ · X_i⁻¹ · X_j) in the full group logarithm, X = `world_from_pose`. Priors measure one
-//! pose, or the position of a point that is fixed to it.
+//! pose, or the position of a point that is fixed to it. It holds, checks and finds pieces; no residual
+//! is evaluated here.
 
 use std::collections::BTreeMap;
 

@@ -3,7 +3,8 @@
 //! By itself: the lowest placed keyframe is the origin, and without a measured length the median depth of
 //! the bearings is 1 m. Onto given poses: the similarity, or the rigid motion where the scale is measured,
 //! that takes the poses to those given, by a mean of the turns and a fit of the centers that both weigh a
-//! pose by one over its distance, so that poses that are wrong do not matter (Weiszfeld 1937).
+//! pose by one over its distance, so that poses that are wrong do not matter (Weiszfeld 1937). It moves
+//! and scales the estimate as a whole.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -3,6 +3,7 @@
 //! Hypotheses are two rays that nearly meet, a measured depth, and where the point is now; the one that
 //! most bearings agree with is refined by [`crate::initialization::triangulate`] over those. A bearing agrees
 //! where its whitened reprojection error is within the gate and the point lies in front of its camera.
+//! No pose moves.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;

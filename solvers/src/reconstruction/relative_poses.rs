@@ -2,7 +2,7 @@
 //!
 //! Where depth is there, a pair is three-dimensional points against pixels (`resection`), else rays
 //! against rays (`two_views`). Pairs are independent of each other and measured side by side; each has a
-//! seed of its own.
+//! seed of its own. It reads no pose and no landmark of the problem.
 
 use nalgebra::Matrix3;
 use rayon::prelude::*;

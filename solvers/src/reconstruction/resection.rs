@@ -3,7 +3,7 @@
 //! The points are those of a map, in its world, or those that another keyframe measures by depth, in the
 //! frame of that keyframe: the relative pose of two keyframes with depth is a resection. Hypotheses are
 //! judged by the whitened error in the image; the last fit is [`crate::relative_motion`]'s, in which the
-//! points' own covariances and the depths of the keyframe count.
+//! points' own covariances and the depths of the keyframe count. The keyframe's own pose is never read.
 
 use nalgebra::Vector3;
 

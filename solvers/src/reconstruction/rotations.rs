@@ -5,7 +5,8 @@
 //! (Chatterjee and Govindu, "Efficient and robust large-scale rotation averaging", 2013), then
 //! Geman-McClure's. Λ is what the two views tell of their turn (Zhang, Larsson and Barath, "Revisiting
 //! rotation averaging: uncertainties and robust losses", 2023), with a floor of the variance for what they do
-//! not know of: the lens. It starts from a spanning tree of the edges with most inliers.
+//! not know of: the lens. It starts from a spanning tree of the edges with most inliers. Positions are
+//! not known here.
 
 use std::cmp::Reverse;
 use std::sync::Arc;

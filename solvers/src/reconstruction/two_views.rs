@@ -5,7 +5,8 @@
 //! refined over its five unknowns, and the information that is left of the rotation when the direction of
 //! the translation is eliminated goes with it: a pair with a short baseline tells little of the turn that
 //! looks like a shift, and says so. Where all rays are parallel after a turn the translation is open; that
-//! is told by the parallax, not refused.
+//! is told by the parallax, not refused. Of the translation only the direction is found, and nothing of
+//! it is returned.
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix5, Vector3, Vector5};
 

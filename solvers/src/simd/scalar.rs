@@ -1,5 +1,5 @@
 //! Eight lanes in an array: the class that every processor has, and the twin that tests hold the
-//! others against. Products round before they are added.
+//! others against. Products round before they are added. No intrinsics here.
 
 use std::array::from_fn;
 

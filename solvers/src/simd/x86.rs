@@ -1,7 +1,7 @@
 //! AVX-512 and AVX2 with FMA.
 //!
-//! The only module with `unsafe`: a value of [`Avx512`] or [`Avx2`] exists only after the processor
-//! was asked, so that the instructions behind its methods are there.
+//! This file and `neon` have the only `unsafe` of the crate: a value of [`Avx512`] or [`Avx2`] exists
+//! only after the processor was asked, so that the instructions behind its methods are there.
 
 #![allow(
     unsafe_code,

@@ -1,7 +1,8 @@
 //! AVX-512, and AVX2 by way of arrays.
 //!
-//! The only module of the frontend with `unsafe`: a value of [`Avx512`] or [`Avx2`] exists only after
-//! the processor was asked, so that the instructions behind its methods are there.
+//! This file and `crate::simd` have the only `unsafe` of the frontend: a value of [`Avx512`] or
+//! [`Avx2`] exists only after the processor was asked, so that the instructions behind its methods are
+//! there.
 
 #![allow(unsafe_code, reason = "vector instructions; each block says why it is sound")]
 #![allow(

@@ -4,7 +4,8 @@
 //! at heights that are multiples of it too, by the nearest voxel: with up along an axis of the volume
 //! each sample is a voxel. A voxel is surface if its distance is at most half a voxel's diagonal, so
 //! that a surface of any slope has no holes. It is also surface if it lies behind and a neighbor is
-//! free, because distances from many views need not grow evenly.
+//! free, because distances from many views need not grow evenly. It says what a column holds; what a
+//! robot may do there is decided in `mod`.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;

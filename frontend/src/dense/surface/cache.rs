@@ -4,7 +4,7 @@
 //! and those neighboring pieces that read its voxels, or may do so now because a sign or the visibility
 //! at the border changed. Each block has a place here, independent of its slot in the volume: blocks
 //! change slots, and those on disk keep their pieces. A block that is read back is processed again only
-//! if it changed.
+//! if it changed. How a piece is made is known to `piece`; the volume is only read.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 

@@ -5,7 +5,7 @@
 //! that the loop decides as it would over the whole. Sums are in the order of the sections.
 //!
 //! The coordinator has the values of all variables. A worker that is lost is started anew and told what
-//! the pending request needs; nothing else of a worker's state counts.
+//! the pending request needs; nothing else of a worker's state counts. It evaluates no residual itself.
 
 use super::SplitError;
 use super::crew::{Crew, Opening, Question};

@@ -1,7 +1,8 @@
 //! Questions to all sections, and what becomes of them where workers are lost.
 //!
 //! The crew knows what each worker was told. A worker that is lost is started anew and told what the
-//! pending question needs: its sections, and the values that the question is about.
+//! pending question needs: its sections, and the values that the question is about. It checks the kind
+//! of each reply; its numbers are checked by `coordinator`.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,7 +1,7 @@
 //! Sections in a file, written once, so that a worker reads those that it needs when it needs them.
 //!
 //! The sections' bytes one after the other, each with its checksum before it. Where each begins is
-//! known to who wrote the file.
+//! known to who wrote the file. The file belongs to one solve: it is no format to keep.
 
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;

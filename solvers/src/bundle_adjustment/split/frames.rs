@@ -2,6 +2,7 @@
 //!
 //! A frame: `cvsp`, version (1 byte), three zero bytes, length (8 bytes), CRC32C of the payload (4
 //! bytes), payload. Memory for a payload grows with the bytes that arrive, not with what was announced.
+//! What a payload means is known to `codec`.
 
 use std::io::{self, Read, Write};
 

@@ -1,4 +1,6 @@
 //! The newest two states of a section by their numbers; worker and coordinator forget alike.
+//!
+//! It knows the numbers, not what the states hold.
 
 use super::message::Version;
 

@@ -2,7 +2,7 @@
 //!
 //! A request says by number which values it is about, so that an answer depends on nothing else that
 //! was said before: a worker that was started anew is told the section and those values again, and the
-//! answer has the same bits.
+//! answer has the same bits. Their bytes are made by `codec`.
 
 use std::path::PathBuf;
 

@@ -3,7 +3,8 @@
 //! Vertices are the diagonal blocks of the reduced system, edges join what sees a common landmark,
 //! weighted by how many (covisibility). The graph is cut into parts by small separators; every landmark
 //! that moves is then seen from one part and separators only, and goes, with its observations, to that
-//! part's section. What is seen from separators alone goes to a section that has them already.
+//! part's section. What is seen from separators alone goes to a section that has them already. It looks
+//! at which indices occur together, at no value.
 
 use crate::interrupt::Interrupt;
 use crate::linear::ordering::{SEPARATE, parts};

@@ -1,6 +1,7 @@
 //! A section of a problem: a problem of its own, and where it meets the others.
 //!
 //! Plain values, to be sent anywhere. Indices are the section's own; [`Members`] has those of the whole.
+//! Cutting is done by `partition`, solving by `worker`.
 
 use nalgebra::Vector3;
 

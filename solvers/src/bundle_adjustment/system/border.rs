@@ -2,7 +2,8 @@
 //!
 //! Landmarks and the poses and cameras inside are eliminated here; what that leaves on the border is one
 //! of the summands of the whole system's. Once the border's step is known, the rest follows here. With
-//! the same damping this is the whole system's own elimination, in another order.
+//! the same damping this is the whole system's own elimination, in another order. It knows no other
+//! section and does not solve for the border.
 
 use std::sync::Arc;
 

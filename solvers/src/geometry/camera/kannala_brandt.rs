@@ -2,7 +2,7 @@
 //!
 //! With r = √(x² + y²), θ = atan2(r, z) and θ_d = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸):
 //! (u, v) = (fx x θ_d/r + cx, fy y θ_d/r + cy). Any direction but the backward axis projects, so
-//! a field of view past 180° needs no special case.
+//! a field of view past 180° needs no special case. The size of the image is not known here.
 
 use std::f64::consts::PI;
 

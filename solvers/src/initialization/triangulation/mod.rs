@@ -4,7 +4,7 @@
 //! checks: enough parallax between the rays, in front of every camera (cheirality), small residuals.
 //! Where it does not, the point whose worst error is least (`worst_error`, a sequence of cone
 //! programs over `ratios`) is the start, or the proof that there is no such point. Views that pass at
-//! once never pay for that.
+//! once never pay for that. It reads views alone: no pose is changed.
 
 mod cone;
 mod least_squares;

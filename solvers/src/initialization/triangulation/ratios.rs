@@ -7,7 +7,7 @@
 //!   of a pinhole without distortion; other lenses are taken as linear about the measured pixel.
 //! - depth: (p_z − d) / σ.
 //!
-//! Each is quasi-convex where h·v > 0: in front of the camera, of a fisheye on the side of its ray.
+//! Quasi-convex where h·v > 0: in front, or on the side of a fisheye's ray. `worst_error` minimizes.
 
 use std::cmp::Ordering;
 

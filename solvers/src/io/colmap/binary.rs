@@ -3,7 +3,8 @@
 //! camera: id u32, model u32, width u64, height u64, parameters f64…;
 //! image: id u32, quaternion 4 f64, translation 3 f64, camera u32, name ending with a zero byte,
 //! keypoints as a u64 count of (x f64, y f64, point u64, all ones meaning none);
-//! point: id u64, position 3 f64, color 3 u8, error f64, track as a u64 count of two u32.
+//! point: id u64, position 3 f64, color 3 u8, error f64, track as a u64 count of two u32. Numbers stay
+//! those of the file; `convert` applies the conventions.
 
 use std::path::Path;
 

@@ -1,7 +1,8 @@
 //! COLMAP's text files: one line a camera or point, two lines an image (pose, then keypoints).
 //!
 //! The second line of an image is blank where the image has no keypoints, so blank lines count
-//! there and nowhere else. Point id −1 means none.
+//! there and nowhere else. Point id −1 means none. Numbers stay those of the file; `convert` applies
+//! the conventions.
 
 use std::path::Path;
 

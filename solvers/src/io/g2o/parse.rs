@@ -1,6 +1,7 @@
 //! g2o in: one pass over the lines, then the checks that need the whole file.
 //!
-//! Lines are remembered during the parse only, so that a refusal names them.
+//! Lines are remembered during the parse only, so that a refusal names them. Numbers stay those of the
+//! file, except for information matrices that are repaired on request.
 
 use std::collections::BTreeSet;
 use std::path::Path;

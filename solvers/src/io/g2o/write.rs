@@ -1,4 +1,6 @@
 //! g2o out: vertices, `FIX` lines, edges, 17 significant digits.
+//!
+//! It checks nothing.
 
 use std::path::Path;
 

@@ -2,7 +2,8 @@
 //!
 //! TUM: lines `timestamp tx ty tz qx qy qz qw`, seconds and meters, `#` comments. Poses are
 //! world_from_body. Quaternions are normalized within 1e-3 on import. Numbers are written with the
-//! fewest digits that read back exactly. The others are in `kitti` and `euroc`.
+//! fewest digits that read back exactly. The others are in `kitti` and `euroc`. Poses stay in file
+//! order: nothing is sorted or interpolated.
 
 mod euroc;
 mod kitti;

@@ -3,7 +3,7 @@
 //! Tree: Liu, "The role of elimination trees in sparse factorization", 1990. Heights: Gilbert, Ng and
 //! Peyton, "An efficient algorithm to compute row and column counts for sparse Cholesky
 //! factorization", 1994. The fill is counted exactly and never formed, so that a factor that would
-//! not fit is known in milliseconds. Indices are positions in the order.
+//! not fit is known in milliseconds. Indices are positions in the order. No value is read.
 
 use crate::linear::lists::Lists;
 use crate::linear::pattern::BlockPattern;

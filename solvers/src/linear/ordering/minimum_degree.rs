@@ -2,7 +2,8 @@
 //!
 //! Vertices of at most two neighbors are eliminated first, as minimum degree would: that takes the
 //! chains of a trajectory away in linear time. Removing a vertex of two neighbors joins them, so a
-//! neighbor's list never grows and everything happens in place.
+//! neighbor's list never grows and everything happens in place. Sizes of blocks and values are not
+//! looked at.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};

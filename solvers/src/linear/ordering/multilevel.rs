@@ -3,7 +3,8 @@
 //!
 //! Vertices are matched along heavy edges and merged until few are left; there, regions grown from
 //! several seeds give a first cut; on the way back each level's cut is refined. Ties go to the lower
-//! index, so the same graph always gives the same cut.
+//! index, so the same graph always gives the same cut. It cuts a graph once; recursion is in
+//! `dissection` and `parts`.
 
 use super::graph::{Graph, Level};
 use super::refinement::{Cut, SEPARATOR};

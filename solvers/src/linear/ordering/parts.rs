@@ -2,6 +2,7 @@
 //!
 //! Recursive bisection by small vertex separators (`multilevel`), each cut in proportion to the parts
 //! that are still to be made of its sides. No edge joins two parts. The same graph gives the same parts.
+//! It does not order inside of a part.
 
 use super::graph::{Balance, Graph, Level};
 use super::multilevel::separate;

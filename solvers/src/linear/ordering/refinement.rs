@@ -2,7 +2,8 @@
 //!
 //! A vertex of the separator moves to a side; its neighbors on the other side take its place. Moves
 //! are tried best first, also some that make the separator heavier, and what came after the best
-//! state is taken back. Each vertex moves at most once a pass.
+//! state is taken back. Each vertex moves at most once a pass. It starts from a given separator and
+//! makes none.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -2,7 +2,8 @@
 //!
 //! Blocks of usual sizes have loops of fixed length. Squares on the diagonal are taken whole where
 //! that is simpler: what lands above the diagonal is never read.
-//! Children are added in order, each element by one task, so that sums keep their order.
+//! Children are added in order, each element by one task, so that sums keep their order. It eliminates
+//! nothing: see `columns`.
 
 use super::kernels::Target;
 use super::plan::{Node, Plan, Run};

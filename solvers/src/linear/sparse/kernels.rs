@@ -5,7 +5,8 @@
 //! `a(r, c) − Σ_p l(r, p) l(c, p)`, held in registers for up to 24 rows × 8 columns at a time; how
 //! rows and columns are grouped changes no bit. The reciprocal of a pivot stands in its place on
 //! the diagonal. Above the diagonal, within a group of eight rows, there may be any numbers, which
-//! nothing reads. Each [`Kernel`] is one function per instruction set with everything inlined.
+//! nothing reads. Each [`Kernel`] is one function per instruction set with everything inlined. They
+//! know no blocks, no tree and no threads.
 
 use crate::simd::{Kernel, Lanes, Row, WIDTH};
 

@@ -2,7 +2,7 @@
 //!
 //! A node works on a short dense vector, its pivots followed by its rows. Eight columns are applied
 //! at a time, so that the vector is read and written once for each eight of them. The factor is
-//! streamed once in each direction. Nothing is allocated.
+//! streamed once in each direction. Nothing is allocated. It checks no solution.
 
 use super::kernels::rows_at;
 use super::plan::{Node, Plan, Run};

@@ -1,7 +1,8 @@
 //! The terms of a growing graph's linear system: made where poses stood, made anew where they went.
 //!
 //! The bound on the error of a prediction is an inequality for each edge, from the poses where it was
-//! linearized and where they are: cheap beside an elimination.
+//! linearized and where they are: cheap beside an elimination. Nothing is eliminated here: see
+//! `linear`.
 
 use nalgebra::SVector;
 

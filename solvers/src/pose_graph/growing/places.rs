@@ -2,7 +2,7 @@
 //!
 //! A new pose waits until an edge ties it to the others, hangs on that edge, and enters the linear
 //! system, with those that it hangs on, once a second edge ties it. Hanging costs nothing and is
-//! exact: the one residual is zero.
+//! exact: the one residual is zero. It places new poses on their edges and linearizes nothing.
 
 use nalgebra::SVector;
 

@@ -5,6 +5,7 @@
 //! one order of operations, so the bits do not depend on the number of threads.
 //! A child's rows may stand in another order than in the front above: its update matrix is added block
 //! by block, transposed where need be. The kernels are those of the factorization that does not grow.
+//! Which fronts are made, and from which blocks, is decided by `top`.
 
 use rayon::prelude::*;
 

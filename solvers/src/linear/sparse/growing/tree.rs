@@ -2,7 +2,7 @@
 //!
 //! A node holds its front after elimination: pivot columns (the panel, with the right-hand side as
 //! the row below all others) and the update matrix that its parent takes. Memory of nodes that are
-//! gone is used again.
+//! gone is used again. It knows structure and memory; the numbers are made in `fronts`.
 
 use crate::linear::ordering::NO_PARENT;
 use crate::linear::sparse::shape::{Aligned, Shape};
