@@ -1,7 +1,8 @@
 //! covis: an optimization-centric SLAM backend service.
 //!
 //! Frontends stream keyframes over gRPC, covis keeps the map, refines it and pushes corrections
-//! back. See `ARCHITECTURE.md` for the house; the rooms, lowest floor first:
+//! back. `ARCHITECTURE.md` says how it is built. The modules, lowest first; three are crates of their
+//! own, and the mathematics is a fourth, `covis_solvers`:
 //!
 //! | module | role |
 //! |---|---|
@@ -9,11 +10,14 @@
 //! | [`map`] | the map and its invariants; no async, no wire |
 //! | [`place`] | place recognition: an index over the keyframes' descriptors |
 //! | [`loop_closing`] | which candidates for the place of a view are that place |
-//! | [`store`] | journal of a map's events |
-//! | [`service`] | the engine that owns a map, and the gRPC edge |
+//! | [`store`] | journal of a map's events, files of jobs |
 //! | [`evaluation`] | trajectory errors as evo and the TUM scripts define them, overlap of masks |
+//! | [`wire`] | messages and services of `covis.v1` |
+//! | [`service`] | the engine that owns a map, and the gRPC edge |
+//! | [`client`] | what a frontend in Rust links; knows nothing of the server |
+//! | [`frontend`] | the reference frontend; reaches a server through the client alone |
 //! | [`report`] | reports as HTML files: pages, tables, pictures |
-//! | [`cli`] | one file a subcommand |
+//! | [`cli`] | one file or folder a subcommand |
 
 pub mod cli;
 pub mod evaluation;

@@ -1,25 +1,25 @@
 //! The reference frontend: semi-direct RGB-D tracking that ignores what moves.
 //!
 //! It shows how a frontend uses covis: it reaches the server through [`covis_client`] alone, like a
-//! stranger. Rooms, lowest floor first:
+//! stranger. The modules, lowest first; a module uses only modules above it in this table:
 //!
 //! | module | role |
 //! |---|---|
 //! | [`simd`] | loops compiled for wide vectors |
 //! | [`image`] | images, and a frame with color and depth |
-//! | [`input`] | where frames come from: recorded folders |
-//! | [`synthetic`] | ray-cast sequences with known truth |
-//! | [`features`] | corners and their descriptors |
 //! | [`pyramid`] | an image and its halvings |
 //! | [`camera`] | the lens, and the ray of each pixel |
 //! | [`shutter`] | rows that are exposed one after the other |
 //! | [`depth`] | noise of depth, depth at a pixel |
+//! | [`input`] | where frames come from: recorded folders |
+//! | [`synthetic`] | ray-cast sequences with known truth, as input |
+//! | [`features`] | corners and their descriptors |
 //! | [`local_map`] | keyframes and landmarks as the server last sent them |
 //! | [`tracking`] | where the camera is |
 //! | [`motion`] | what moves |
 //! | [`pipeline`] | a frame through all stages |
-//! | [`mapping`] | keyframes and questions to the server, corrections and answers back |
 //! | [`dense`] | a surface from depth and poses |
+//! | [`mapping`] | keyframes and questions to the server, corrections and answers back |
 
 pub mod camera;
 pub mod dense;

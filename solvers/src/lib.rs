@@ -5,20 +5,20 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0 | `simd`: eight lanes of f64 for each instruction set; [`interrupt`]: when work ends early |
-//! | 1 | [`geometry`]: groups with their Jacobians, camera models; [`price`]: what a solve takes |
-//! | 2 | [`information`], [`loss`] |
-//! | 3 | [`factors`]; `lanes`: camera models and losses, eight observations at a time |
+//! | 0 | `simd`: eight lanes of f64 for each instruction set; [`interrupt`]: when work must end early |
+//! | 1 | [`geometry`]: groups with their Jacobians, camera models; [`price`]: memory and work of a solve, known before it starts |
+//! | 2 | [`information`]: how certain a measurement is; [`loss`]: less weight for outliers |
+//! | 3 | [`factors`]: residuals with their Jacobians; `lanes`: camera models and losses, eight observations at a time |
 //! | 4 | [`problem`]: variables, factor batches, gauge, validation |
 //! | 5 | [`linear`]: block-sparse matrices, orderings, Cholesky |
 //! | 6 | [`optimizer`]: the trust-region loop |
-//! | 7 | [`initialization`]: triangulation, spanning tree |
-//! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`], [`relative_motion`] |
+//! | 7 | [`initialization`]: triangulation, P3P, start values of pose graphs |
+//! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`]: one pose, landmarks fixed; [`relative_motion`]: the pose between two keyframes |
 //! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum; [`marginalization`]: a keyframe removed, its knowledge kept |
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths; [`point_matching`]: points of two places that are one |
 //! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved; [`geometric_verification`]: whether two keyframes show one place |
 //! | 12 | [`reconstruction`]: poses and points from observations alone; [`similarity`]: two clouds of points at different scales |
-//! | 13 | [`io`]: BAL, g2o, COLMAP, TUM files |
+//! | 13 | [`io`]: files of BAL, Bundler, COLMAP and g2o, trajectories, PLY |
 //!
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
 //! Conventions (frames, tangent order, units) are those of `docs/conventions.md`.
