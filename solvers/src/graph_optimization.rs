@@ -25,9 +25,9 @@ use crate::robust::{
 pub struct Options {
     /// Where the poses come from that the first solve starts with.
     pub start: Start,
-    /// How loop closures are judged; `None` takes all edges for true.
+    /// How loop closures are judged; `None` trusts all of them.
     pub judging: Option<Judging>,
-    /// How position priors are judged; `None` takes all of them for true.
+    /// How position priors are judged; `None` trusts all of them.
     pub positions: Option<PositionJudging>,
     /// Whether the last solve starts at the optimum of the chordal objective, which is proved. Given
     /// poses are solved before that too.

@@ -1,10 +1,10 @@
 //! When work ends early: at a deadline, or because its caller does not want it any more.
 //!
-//! One value is passed by reference to everything that may take long. Whoever works asks
-//! [`Interrupt::is_due`] at bounded intervals and returns early, with whatever is in its buffers: the
-//! layer above asks too and throws a half-done result away. That is safe because an interrupt that
-//! is due stays due. When it comes never changes a number of work that is finished. Whether one is
-//! set at all does: a large dense factorization that may be interrupted is cut into panels.
+//! One value is passed by reference to everything that may take long. Code that works checks
+//! [`Interrupt::is_due`] at bounded intervals and returns early, with any numbers in its buffers: the
+//! layer above checks it too and discards the unfinished result. That is safe because an interrupt that
+//! is due stays due. When it comes never changes a number of work that is finished. Whether one is set
+//! at all does: a large dense factorization that may be interrupted is cut into panels.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

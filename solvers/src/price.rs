@@ -40,12 +40,12 @@ pub struct Ceiling {
     pub flops_per_iteration: Option<f64>,
 }
 
-/// How far work may go.
+/// The limits of a call: of its estimate before it starts, and of its time.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits<'a> {
-    /// What is estimated to pass it is not begun.
+    /// Work whose estimate exceeds it is not started.
     pub ceiling: Ceiling,
-    /// What has begun ends once this is due.
+    /// Work that was started ends once this is due.
     pub interrupt: &'a Interrupt,
 }
 

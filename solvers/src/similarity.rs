@@ -171,7 +171,7 @@ impl Agreed {
         (inliers.len() >= MIN_INLIERS).then_some(Self { target_from_source, inliers, cost })
     }
 
-    /// Gauss-Newton over the inliers with Huber's loss, and who agrees then.
+    /// Gauss-Newton over the inliers with Huber's loss, and the inliers of the result.
     fn refined(&self, pairs: &[Pair], iterations: usize) -> Option<Self> {
         let mut similarity = self.target_from_source;
         for _ in 0..iterations {

@@ -1,8 +1,8 @@
 //! When the rows of an image, and its depth, are taken beside the timestamps.
 //!
-//! Who knows better than [`SensorTiming::KINECT`] says so in the folder's `camera.txt`, in comments
-//! that other readers of such files pass over: `# readout_s 0.02` and `# depth_late_s 0`. Nothing is
-//! measured from the images.
+//! Times other than [`SensorTiming::KINECT`] stand in the folder's `camera.txt`, in comments that other
+//! readers of such files ignore: `# readout_s 0.02` and `# depth_late_s 0`. Nothing is measured from
+//! the images.
 
 use std::path::{Path, PathBuf};
 

@@ -1,12 +1,12 @@
 //! Relocalization after tracking was lost: the pose of a lost frame is asked for, and the frames that
 //! follow are aligned with one another until the answer comes.
 //!
-//! Who answers is not known here; on a robot it is the server. The motion from the frame that was asked
-//! for to the newest one takes the answer to the newest frame, however late it comes. Where that motion
-//! is lost too, the newest frame is asked for instead. Besides, each frame is aligned with the last one
-//! whose pose is known: without any answer tracking resumes where the camera comes back to it. A frame
-//! that was found is not published, because how the camera turns meanwhile, and so the error of its
-//! shutter, is not known: the next one is tracked from it.
+//! Where the answer comes from is not known here; on a robot it is the server. The answer is the pose
+//! of an earlier frame; the motion since then carries it to the newest frame, however late it comes.
+//! Where that motion is lost too, the newest frame is asked for instead. Besides, each frame is aligned
+//! with the last one whose pose is known: without any answer tracking resumes where the camera comes
+//! back to it. A frame that was found is not published, because how the camera turns meanwhile, and so
+//! the error of its shutter, is not known: the next one is tracked from it.
 
 use std::sync::Arc;
 

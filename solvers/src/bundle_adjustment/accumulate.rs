@@ -1,4 +1,4 @@
-//! The fused pass: residuals, Jacobians, landmark elimination and the reduced camera system in one.
+//! The fused pass: residuals, Jacobians, landmark elimination and the Schur complement in one.
 //!
 //! For a landmark with H_ll + λD = L Lᵀ, each of its observations has G = J_l L⁻ᵀ (R × 3) and
 //! M = I − G Gᵀ. A view's share of the reduced system is J_vᵀ M J_v, its gradient J_vᵀ (r − G y) with

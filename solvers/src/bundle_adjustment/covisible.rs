@@ -25,7 +25,7 @@ pub(super) struct ChunkPairs {
     pub(super) slot_of: Vec<u32>,
 }
 
-/// Where a walk over pairs is asked whether to go on: after so many of them.
+/// Pairs between two checks of the interrupt.
 const PAIRS_A_LOOK: usize = 1 << 16;
 
 /// The pairs of every chunk, or `None` where the walk was interrupted.

@@ -280,7 +280,7 @@ struct Solve<'a, 'o> {
     start: Instant,
     interrupt: &'a Interrupt,
     observer: &'a mut Observer<'o>,
-    /// Where the loop goes on.
+    /// The state from which the loop continues.
     from: Option<&'a LoopState>,
     keeper: Option<&'a mut (dyn Keeper + 'a)>,
 }

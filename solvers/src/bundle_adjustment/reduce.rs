@@ -1,4 +1,4 @@
-//! From the sums of the chunks to the reduced camera system.
+//! From the sums of the chunks to the reduced camera system, the Schur complement of the landmarks.
 //!
 //! Each block row is summed by one task, chunk after chunk, so that its bits do not depend on the
 //! number of threads. Views become blocks here: a part of a view's columns lands in its block. It

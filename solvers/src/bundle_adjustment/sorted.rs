@@ -62,7 +62,8 @@ pub(super) struct Sorted {
     pub(super) depths: Vec<f64>,
     /// 1/σ_d; 0 where an observation has no depth; empty where none has.
     pub(super) depth_weights: Vec<f64>,
-    /// Problem index of the landmark at each sorted position; those that nobody sees are not here.
+    /// Problem index of the landmark at each sorted position; landmarks without observations are left
+    /// out.
     pub(super) order: Vec<u32>,
     /// Whether it is held fixed.
     pub(super) constant: Vec<bool>,

@@ -330,7 +330,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
                 };
                 iterative.solve(&linearization, &self.reduced, &right, &mut self.step)
             }
-            // Who has a border solves in two halves.
+            // A system with a border is solved in two halves, not here.
             Solver::Partial(_) => Err(LinearError::Interrupted),
         }
     }

@@ -29,7 +29,7 @@ pub enum Refusal {
         /// Deviation across the line over that along it.
         share: f64,
     },
-    /// What is seen there may be a thing that moves, or a picture that hangs in two places.
+    /// The inliers may lie on an object that moves, or on a picture that exists twice.
     #[error("the inliers take {share:.3} of the image")]
     SmallRegion {
         /// Share of the area that features have in the image where it is smaller.

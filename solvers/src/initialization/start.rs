@@ -17,9 +17,9 @@ use crate::problem::{PoseGraph, SolveError};
 pub enum Start {
     /// The poses as they are.
     Given,
-    /// Measurements strung together, between consecutive ids as far as they reach.
+    /// Measurements are composed between consecutive ids, as far as they reach.
     Odometry,
-    /// Measurements strung together, as few as possible to each pose.
+    /// Measurements are composed along a tree, as few as possible to each pose.
     SpanningTree,
     /// Relaxed rotations, then positions.
     Chordal,

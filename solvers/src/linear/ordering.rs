@@ -123,8 +123,8 @@ pub(super) fn cheapest_with_last(
     let key = |block: u32| if is_last[block as usize] { block + 1 } else { 0 };
     order.sort_by_key(|&block| key(block));
     let (mut order, _) = postordered(pattern, &order).unwrap_or_default();
-    // Trees that hang on none of the last blocks may stand behind them. Moving them before keeps each
-    // child before its parent and each subtree in one piece.
+    // Subtrees without an ancestor among the last blocks may stand behind these. Moving such subtrees
+    // before them keeps each child before its parent and each subtree contiguous.
     order.sort_by_key(|&block| key(block));
     let elimination = eliminate(pattern, &order).unwrap_or_default();
     let Elimination { flops, factor_entries, .. } = elimination;

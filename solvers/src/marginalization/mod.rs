@@ -32,9 +32,9 @@ use crate::geometry::Se3;
 use crate::problem::{BundleProblem, SolveError};
 use knowledge::Knowledge;
 
-/// What stands in for a removed keyframe. Each residual is zero at the estimates: kept is how firmly
-/// it held them, not which way it pulled. Where the other factors pull against it, they move the map
-/// as far as the kept information lets them.
+/// The factors that replace a removed keyframe. Each residual is zero at the estimates: the information
+/// of the keyframe is kept, its gradient is not. Where the other factors pull against it, they move the
+/// map as far as the kept information lets them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Marginal {
     /// Measured motions between poses that stay, i < j as the problem numbers them; a forest.

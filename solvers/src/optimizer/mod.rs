@@ -21,8 +21,8 @@ pub use trust_region::{
 };
 pub(crate) use trust_region::{SCALE_RANGE, damping_scale};
 
-/// The error of a problem for whose system of `dimension` scalars planning or memory failed. Values
-/// at fault are not told here: who knows the variable behind a row names it.
+/// The error of a problem for whose system of `dimension` scalars planning or memory failed. The values
+/// at fault are not named here: a caller that knows the variable behind a row names it.
 pub(crate) fn from_linear(error: LinearError, dimension: usize) -> SolveError {
     match error {
         LinearError::Interrupted => SolveError::Interrupted,

@@ -92,7 +92,7 @@ impl LoopState {
     }
 }
 
-/// What a linearization tells the loop.
+/// What the loop reads of a linearization.
 #[derive(Clone, Copy, Debug)]
 pub struct Gradient {
     /// Largest |g_i| / √D_i, the gradient in the scale that the damping uses.
@@ -121,7 +121,7 @@ pub struct StepFailure;
 /// A nonlinear least-squares problem as the loop sees it: state, linearization, step.
 ///
 /// A system that was given the loop's [`Interrupt`] may return early from any of these once it is due,
-/// with any numbers: the loop asks too, and looks at none of them.
+/// with any numbers: the loop checks it too, and then uses none of these numbers.
 pub trait System {
     /// ½ Σ ρ at the current state; may be infinite or NaN where it cannot be evaluated.
     fn cost(&mut self) -> f64;
@@ -504,6 +504,8 @@ impl Run<'_> {
         self.gradient_max_norm.powi(2) <= 8.0 * share * self.cost
     }
 
+    /// Changes the damping after an accepted step: down to a third where the model predicted the cost
+    /// well, up to twice where it did not (Nielsen 1999).
     fn accept(&mut self, quality: f64) {
         if self.options.method == Method::GaussNewton {
             return;

@@ -1,7 +1,7 @@
 //! Which of two sets are each other's best match, neither of them ambiguous.
 //!
-//! Pairs are told one after the other with their distances; of equal ones the first stays. Knows nothing of
-//! what the distances are of.
+//! Pairs are added one by one with their distances; of two equal ones the first is kept. It does not
+//! know what the distances measure.
 
 /// The best match by appearance must be closer than the second best by this factor (Lowe, IJCV 2004).
 pub(crate) const RATIO: f64 = 0.8;

@@ -110,7 +110,7 @@ fn null_vectors<const N: usize>(hessian: &BlockMatrix) -> Result<Vec<Vec<f64>>, 
         }
         shift *= 10.0;
         if shift > SHIFT.sqrt() {
-            // Not a sum of squares: there is nothing that could be said about it.
+            // H is not positive semi-definite: no direction can be reported.
             return Ok(Vec::new());
         }
     }
@@ -211,7 +211,7 @@ fn independent<const N: usize>(
     }
     found.sort_by_key(|&(axis, _)| axis);
     let clean = |(_, vector): (usize, SVector<f64, N>)| {
-        // What is left of rounding would read like a direction.
+        // Rounding errors must not be reported as a direction.
         vector.map(|x| if x.abs() <= STILL { 0.0 } else { x }).normalize()
     };
     found.into_iter().map(clean).collect()

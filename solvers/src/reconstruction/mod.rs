@@ -11,7 +11,7 @@
 //! 4. `positions`: centers of cameras and points together, from the rays.
 //! 5. `points` and bundle adjustment in turns, with a gate that narrows, then keyframes that are still
 //!    without a pose by `resection` to the points.
-//! 6. Keyframes that only relative poses reach are strung to the others, as a last resort.
+//! 6. Keyframes that only relative poses reach are placed by composing these, as a last resort.
 //! 7. `frame`: scale and frame.
 //!
 //! What could not be placed is an outcome, named for each keyframe ([`Unplaced`]), as is an end before the
@@ -45,8 +45,8 @@ use crate::optimizer::{self, Control, from_linear, with_threads};
 use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
 
-/// Between keyframes whose rays are apart by less, in standard deviations of a pair, no baseline can be
-/// told from none.
+/// Rays of two keyframes that differ by less than this, in standard deviations of a pair, show no
+/// baseline.
 const LEAST_PARALLAX_SIGMAS: f64 = 3.0;
 
 /// How a reconstruction is made; each field with its default.

@@ -31,7 +31,7 @@ pub(super) struct Edge {
     pub(super) inliers: usize,
     /// Bearings of both keyframes with whether they agree.
     pub(super) votes: Vec<(u32, u32, bool)>,
-    /// Whether the baseline can be told from none; true with depth.
+    /// Whether the rays show a baseline; always true with depth.
     pub(super) has_parallax: bool,
 }
 
@@ -46,8 +46,8 @@ pub(super) struct Measuring<'a> {
 }
 
 impl Measuring<'_> {
-    /// Measures pairs; those that fail are missing. `done` is told of chunks as they end. Ends early,
-    /// with what there is, where `interrupt` is due or `done` says no.
+    /// Measures pairs; those that fail are missing. `done` is called after each chunk. Ends early, with
+    /// the pairs measured so far, where `interrupt` is due or `done` returns false.
     pub(super) fn all(
         &self,
         pairs: &[Candidate],

@@ -1,12 +1,12 @@
 //! The most probable poses along a row of measured steps whose end is known.
 //!
-//! Let Z_k be the steps with covariances Σ_k and F the end in the frame of the first pose. The noise n_k
-//! of least Σ n_kᵀ Σ_k⁻¹ n_k with Π Z_k Exp(n_k) = F has one multiplier λ for all of the row,
-//! n_k = Σ_k B_kᵀ λ with B_k = Ad(F⁻¹ P_k), where P_k is the pose after step k (Ad(P_k⁻¹ F) brings a
-//! perturbation of the end back to it). So the row is found by shooting: λ has as many numbers as a pose,
-//! and the end that a λ leads to says how to change it (Broyden's method). Exact to first order in the
-//! single n_k, however far the whole row is bent. What the path says of its end stands in for the row in a
-//! graph ([`Bend::measurement`]). Knows no graph.
+//! Let Z_k be the steps with covariances Σ_k and F the end in the frame of the first pose. The noise
+//! n_k of least Σ n_kᵀ Σ_k⁻¹ n_k with Π Z_k Exp(n_k) = F has one multiplier λ for all of the row, n_k =
+//! Σ_k B_kᵀ λ with B_k = Ad(F⁻¹ P_k), where P_k is the pose after step k (Ad(P_k⁻¹ F) brings a
+//! perturbation of the end back to it). So the row is found by shooting: λ has as many numbers as a
+//! pose, and the end that a λ leads to says how to change it (Broyden's method). Exact to first order
+//! in the single n_k, however far the whole row is bent. In a graph, the measurement of the end that
+//! the path gives replaces the row ([`Bend::measurement`]). Knows no graph.
 
 use nalgebra::{SMatrix, SVector};
 

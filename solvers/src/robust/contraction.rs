@@ -1,12 +1,12 @@
-//! A graph without the poses that only pass odometry on.
+//! A graph without the poses that have nothing but odometry.
 //!
-//! A pose with two trusted edges and no closure hangs between its neighbors: the two edges in turn are
-//! one edge, whose covariance is the sum of theirs. A pose at the end of a branch follows its neighbor.
+//! A pose with two trusted edges and no closure is a link of a chain: its two edges are composed to one
+//! edge, whose covariance is the sum of theirs. A pose at the end of a branch follows its neighbor.
 //! What is left are the ends of closures, branching points, held poses and those with priors, and its
-//! optimum is that of the whole graph, to first order in the errors. Closures are weighed there, because
-//! that takes many solves and few of their poses matter. Where the errors are large, each row can be
-//! measured anew along its most probable path (`bending`), which brings both optima together. At the end
-//! the poses that were left out are put back on these paths. Solves nothing.
+//! optimum is that of the whole graph, to first order in the errors. Closures are weighed there,
+//! because that takes many solves and few of their poses matter. Where the errors are large, each row
+//! can be measured anew along its most probable path (`bending`), which brings both optima together. At
+//! the end the poses that were left out are put back on these paths. Solves nothing.
 
 use rayon::prelude::*;
 

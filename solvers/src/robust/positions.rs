@@ -1,12 +1,12 @@
 //! Pose graphs with false position priors: fixes of a receiver that saw a reflected signal.
 //!
-//! A false fix bends the odometry before it shows a residual of its own, so that its χ² alone tells
-//! nothing. What tells is by how much the cost of the whole drops without it: with the residual r and
-//! the covariance C of the point, both at the optimum with it, T = rᵀ (Ω⁻¹ − C)⁻¹ r, which has the χ²
-//! distribution of the fix's dimension where it is true (data snooping, Baarda 1968). A fix that is
-//! left out fits where T = rᵀ (Ω⁻¹ + C)⁻¹ r is within the threshold. Each round leaves out the worst
-//! of each neighborhood, takes back what fits, and solves again, until nothing changes. Edges are
-//! trusted: closures are judged by the other files of this module.
+//! A false fix bends the odometry before it shows a residual of its own, so that its χ² alone is no
+//! evidence. The evidence is by how much the cost of the whole graph drops without it: with the
+//! residual r and the covariance C of the point, both at the optimum with it, T = rᵀ (Ω⁻¹ − C)⁻¹ r,
+//! which has the χ² distribution of the fix's dimension where it is true (data snooping, Baarda 1968).
+//! A fix that is left out fits where T = rᵀ (Ω⁻¹ + C)⁻¹ r is within the threshold. Each round leaves
+//! out the worst of each neighborhood, takes back what fits, and solves again, until nothing changes.
+//! Edges are trusted: closures are judged by the other files of this module.
 
 use nalgebra::Matrix3;
 

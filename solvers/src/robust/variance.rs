@@ -48,7 +48,7 @@ struct Loop<const N: usize> {
 }
 
 /// The variance factors of each group of closures, edges of `graph`, and of the odometry between their
-/// ends. Closures without odometry between their ends tell nothing.
+/// ends. Closures without odometry between their ends are ignored.
 #[must_use]
 pub fn variance_factors<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,

@@ -109,7 +109,7 @@ impl Access {
         Arc::clone(&self.known.borrow())
     }
 
-    /// The caller behind a request for the RPC at `path`, if it may make it.
+    /// Checks the token of a request for the RPC at `path`; the caller, if it may make it.
     fn admit(&self, path: &str, headers: &HeaderMap) -> Result<Caller, ServiceError> {
         if !self.is_guarded() {
             return Ok(Caller::everybody());

@@ -171,7 +171,7 @@ impl Jobs {
         table.jobs.insert(entry.key.clone(), Arc::clone(entry))
     }
 
-    /// A job as it was on disk.
+    /// Resumes a job after a restart: one that was running waits for its turn again.
     fn restored(&self, job: OnDisk, context: &Context) -> Arc<Entry> {
         let OnDisk { folder, record, mut job, done, upload } = job;
         let caller = Caller::of_tenant(&record.tenant);

@@ -96,7 +96,7 @@ impl Writer {
         (self.file, self.group, self.repair) = (None, None, None);
     }
 
-    /// Repairs what an earlier failure left, then writes and syncs the group, if there is one;
+    /// Repairs what an earlier failure left, then writes the group and calls fsync, if there is one;
     /// starts a new file if one is due. The group is kept.
     pub(super) fn write(&mut self, place: &Place<'_>) -> Result<(), WriteError> {
         self.put_right(place)?;

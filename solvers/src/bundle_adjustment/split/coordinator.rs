@@ -4,8 +4,9 @@
 //! separators' system, whose step goes back. Costs, gradients and the step's figures are sums too, so
 //! that the loop decides as it would over the whole. Sums are in the order of the sections.
 //!
-//! The coordinator has the values of all variables. A worker that is lost is started anew and told what
-//! the pending request needs; nothing else of a worker's state counts. It evaluates no residual itself.
+//! The coordinator has the values of all variables. A worker that is lost is started again and is sent
+//! what the pending request needs; results depend on nothing else of a worker's state. It evaluates no
+//! residual itself.
 
 use super::SplitError;
 use super::crew::{Crew, Opening, Question};

@@ -1,8 +1,8 @@
 //! Questions to all sections, and what becomes of them where workers are lost.
 //!
-//! The crew knows what each worker was told. A worker that is lost is started anew and told what the
-//! pending question needs: its sections, and the values that the question is about. It checks the kind
-//! of each reply; its numbers are checked by `coordinator`.
+//! The crew records what was sent to each worker. A worker that is lost is started again and is sent
+//! what the pending question needs: its sections, and the values that the question is about. It checks
+//! the kind of each reply; its numbers are checked by `coordinator`.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -77,7 +77,7 @@ pub(super) struct Crew<'a> {
     pub(super) reports: Vec<WorkerReport>,
     /// Why there is no result.
     pub(super) failure: Option<SplitError>,
-    /// Set with it, for who sees the rows of the loop.
+    /// Set with it, for the observer of the loop's rows.
     pub(super) has_failed: Arc<AtomicBool>,
 }
 

@@ -1,8 +1,8 @@
 //! What a coordinator and a worker say to each other: plain values in, plain values out.
 //!
-//! A request says by number which values it is about, so that an answer depends on nothing else that
-//! was said before: a worker that was started anew is told the section and those values again, and the
-//! answer has the same bits. Their bytes are made by `codec`.
+//! A request names its values by number, so that an answer depends on no earlier message: a worker that
+//! was started again is sent the section and those values again, and the answer has the same bits.
+//! Their bytes are made by `codec`.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Who serves sections: threads of this process, or whatever answers over a stream.
+//! The workers that serve sections: threads of this process, or programs that answer over a stream.
 //!
 //! An exchange gives each worker its queue of requests and takes its answers in order. A worker that is
 //! lost answers no more until it was started anew; nothing here says anything to it a second time.
@@ -144,7 +144,7 @@ impl RemoteWorkers {
     }
 }
 
-/// What a thread that talks to a worker tells.
+/// What the thread of a worker's connection reports.
 enum News {
     Answer(usize, Answer),
     Lost(usize, String),

@@ -1,4 +1,4 @@
-//! The graph of a block pattern: who shares an off-diagonal block with whom.
+//! The graph of a block pattern: a vertex for each block row, an edge for each off-diagonal block.
 //!
 //! Compressed neighbor lists, both directions, ascending; with weights once vertices are merged. It
 //! knows neither sizes nor values.

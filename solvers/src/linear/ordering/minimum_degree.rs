@@ -24,8 +24,8 @@ const LONG: usize = 50_000;
 /// How often a wait for an order asks whether it must end.
 const QUESTION_EVERY: Duration = Duration::from_millis(5);
 
-/// Orders that nobody waits for any more and that are still computed. With this many of them nobody
-/// leaves another one behind.
+/// Orders that are still computed although their calls have returned. With this many of them a call
+/// waits for its order.
 const MOST_ABANDONED: usize = 4;
 static ABANDONED: AtomicUsize = AtomicUsize::new(0);
 
@@ -39,9 +39,9 @@ pub(super) fn minimum_degree(graph: &Graph) -> Option<Vec<u32>> {
     reduced(graph, approximate)
 }
 
-/// The same; `None` once `interrupt` is due as well. faer's AMD asks nobody: of a graph where it may
-/// take long it runs on a thread of its own, which is left to itself then. A few at most are: where
-/// more were left behind, the order is waited for.
+/// The same; `None` once `interrupt` is due as well. faer's AMD cannot be interrupted: for a graph
+/// where it may take long it runs on a thread of its own, which then continues without a receiver. At
+/// most `MOST_ABANDONED` threads do so; beyond that number the call waits for its order.
 pub(super) fn minimum_degree_until(graph: &Arc<Graph>, interrupt: &Interrupt) -> Option<Vec<u32>> {
     if interrupt.is_never() || graph.neighbors.len() < LONG {
         return minimum_degree(graph);
@@ -133,8 +133,8 @@ pub(super) fn reduced(
     Some(order)
 }
 
-/// Puts `new` in the place of `old` among the neighbors of `v`, or takes `old` out where `new` is
-/// there already or nobody.
+/// Replaces `old` by `new` among the neighbors of `v`. Removes `old` where there is no `new`, or where
+/// `new` is a neighbor already.
 fn replace(
     graph: &Graph,
     lists: &mut [u32],

@@ -19,7 +19,7 @@ pub(super) const COLUMNS_PER_TASK: usize = 24;
 /// parallel.
 const DEALT_PANEL: usize = 32;
 
-/// Elements of a strip that one thread updates before it asks whether to go on: with a panel of 64
+/// Elements of a strip that one thread updates between two checks of the interrupt: with a panel of 64
 /// columns some 30 million flops.
 const STRIP: usize = 1 << 18;
 

@@ -15,7 +15,7 @@ use super::plan::{Node, Plan, Run};
 use crate::interrupt::Interrupt;
 use crate::simd::{Class, WIDTH};
 
-/// Fronts of fewer flops are done without asking whether to go on.
+/// Fronts of fewer flops are eliminated without a check of the interrupt.
 const SOME_FLOPS: f64 = 1e5;
 
 /// A factorization under way.
@@ -117,8 +117,8 @@ impl<'a> Numeric<'a> {
 
     /// A branch with the branches under it, down to the first with more than one branch below.
     ///
-    /// What hangs on them is done first, then they are, bottom up: the depth of recursion is
-    /// bounded by the number of branches side by side, however long the tree is.
+    /// The subtrees below them are eliminated first, then the branches, bottom up. So the depth of
+    /// recursion is bounded by the number of branches side by side, not by the height of the tree.
     fn branches(&self, top: u32, factor: &mut [f64], space: &mut [f64]) -> Result<(), BadPivot> {
         let (mut tasks, mut links) = (Vec::new(), Vec::new());
         let [own, other, _] = self.node(top).space;

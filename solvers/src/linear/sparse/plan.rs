@@ -58,8 +58,8 @@ pub(super) struct Node {
     pub(super) update: usize,
     /// Which stack, relative to other nodes.
     pub(super) is_odd: bool,
-    /// Memory for the update matrices of the subtree, this one at its beginning: the own stack, the
-    /// other one, and, under a branch, what hangs on it.
+    /// Memory for the update matrices of the subtree, this one at its beginning: on its own stack, on
+    /// the other one, and, for a branch, of the subtrees below it.
     pub(super) space: [usize; 3],
     pub(super) is_branch: bool,
     /// Flops of the subtree.

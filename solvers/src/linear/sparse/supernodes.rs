@@ -133,7 +133,8 @@ fn maximal(sizes: &[usize], elimination: &Elimination, border: usize) -> Vec<Ran
 /// Puts the blocks of merged supernodes side by side, in a postorder of what remains.
 fn renumber(maximal: &[Range<usize>], parents: &[u32], merged: &[bool]) -> Supernodes {
     let count = maximal.len();
-    // Whom each one ended in, and who hangs on whom then; a merged one hangs on its host.
+    // The supernode that each was merged into, and the parent of each; a merged one has its host as
+    // parent.
     let mut host: Vec<u32> = (0..count as u32).collect();
     let mut hung_on = vec![NO_PARENT; count];
     for s in (0..count).rev() {

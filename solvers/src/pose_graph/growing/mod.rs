@@ -51,7 +51,7 @@ pub struct GrowingPoseGraph<G, const D: usize, const N: usize> {
     fresh: Vec<usize>,
     /// Edges between poses that both wait, by edge.
     is_parked: Vec<bool>,
-    /// Hanging poses; each after the one that it hangs on.
+    /// Hanging poses; each after the pose that its edge ties it to.
     hanging: Vec<usize>,
     system: GrowingCholesky<N>,
     blocks: Vec<Block<G>>,

@@ -1,8 +1,9 @@
 //! Which poses of a growing graph are in its linear system.
 //!
-//! A new pose waits until an edge ties it to the others, hangs on that edge, and enters the linear
-//! system, with those that it hangs on, once a second edge ties it. Hanging costs nothing and is
-//! exact: the one residual is zero. It places new poses on their edges and linearizes nothing.
+//! A new pose waits until an edge ties it to the others. With one edge it is a hanging pose: the edge
+//! places it, and it is not in the linear system. It enters the system, with the hanging poses between,
+//! once a second edge ties it. A hanging pose costs nothing and is exact: the residual of its edge is
+//! zero. It places new poses on their edges and linearizes nothing.
 
 use nalgebra::SVector;
 
@@ -76,7 +77,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         }
     }
 
-    /// Makes a hanging pose a block, with those that it hangs on.
+    /// Makes a hanging pose a block, with the hanging poses between it and the system.
     fn enter(&mut self, pose: usize) {
         let mut chain = Vec::new();
         let mut at = pose;
@@ -100,7 +101,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         self.hanging.retain(|&pose| matches!(self.places[pose], Place::Hanging(_)));
     }
 
-    /// Moves the hanging poses along with what they hang on.
+    /// Moves the hanging poses along with the poses that their edges tie them to.
     pub(super) fn carry_hanging(&mut self) {
         for k in 0..self.hanging.len() {
             let pose = self.hanging[k];

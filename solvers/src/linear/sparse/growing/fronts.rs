@@ -1,4 +1,5 @@
-//! The numbers of a growing system's fronts: who makes them, in what order, from what.
+//! Computes the numbers of a growing system's fronts: in which order, on which threads, from which
+//! terms.
 //!
 //! Memory is given out first. Then subtrees of little work are made side by side, and the fronts above
 //! them one after the other, the columns of each dealt out in strips. Each element has one owner and
@@ -29,7 +30,7 @@ struct Work {
     node: Node,
     /// Number of the work above, or [`NONE`].
     parent: u32,
-    /// Subtrees that stay and hang here.
+    /// Roots of unchanged subtrees that become children of this node.
     orphans: Vec<u32>,
     /// Numbers of works.
     children: Vec<usize>,
@@ -50,7 +51,8 @@ struct Shared<'a, const N: usize> {
     blocks: usize,
 }
 
-/// Makes the planned nodes and hangs up the subtrees that stay; the flops. `weight` takes √H.
+/// Makes the planned nodes and attaches the unchanged subtrees to them; returns the flops. `weight`
+/// takes √H.
 pub(super) fn eliminate<const N: usize>(
     tree: &mut Tree,
     terms: &Terms<N>,

@@ -2,8 +2,8 @@
 //!
 //! H δ = −g, where H and g are sums of terms over pairs of blocks that are added or replaced between
 //! solves (a pose graph's edges). The elimination tree is kept with each node's front. What a changed
-//! term reaches are the nodes on the way from its blocks to the root, the top: these alone are
-//! ordered and factored anew; what hangs below hands up the update matrices that it kept. Back
+//! term reaches are the nodes on the way from its blocks to the root, the top: these alone are ordered
+//! and factored again; the subtrees below them keep their update matrices, which are added. Back
 //! substitution goes down only where the solution changed. (Kaess, Johannsson, Roberts, Ila, Leonard,
 //! Dellaert, "iSAM2", 2012, on supernodes; the right-hand side is one more row of each front.)
 //!

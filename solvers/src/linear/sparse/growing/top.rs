@@ -33,7 +33,7 @@ pub(super) struct Planned {
     pub(super) pivots: usize,
     /// Among the planned nodes, or [`NONE`].
     pub(super) parent: u32,
-    /// Subtrees that stay and hang here.
+    /// Roots of unchanged subtrees that become children of this node.
     pub(super) orphans: Vec<u32>,
 }
 

@@ -1,4 +1,4 @@
-//! The elimination tree of a growing system: nodes, who hangs on whom, and their memory.
+//! The elimination tree of a growing system: nodes, their parents and children, and their memory.
 //!
 //! A node holds its front after elimination: pivot columns (the panel, with the right-hand side as
 //! the row below all others) and the update matrix that its parent takes. Memory of nodes that are
@@ -30,8 +30,8 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// A node that hangs nowhere and has no children; `blocks` are the pivots and the rows.
-    /// `None` where there is no memory for its front.
+    /// A node without a parent and without children; `blocks` are the pivots and the rows. `None` where
+    /// there is no memory for its front.
     pub(super) fn new<const N: usize>(
         blocks: Vec<u32>,
         pivots: usize,
@@ -120,7 +120,7 @@ impl Tree {
         }
     }
 
-    /// Takes a node out; whoever hung on it hangs on nothing.
+    /// Removes a node. Its children have no parent then.
     pub(super) fn remove(&mut self, number: u32) -> Option<Node> {
         let node = self.nodes.get_mut(number as usize)?.take()?;
         self.free.push(number);
