@@ -1,5 +1,5 @@
-//! Creating maps, deleting them and setting them aside: a change that has begun runs to its end, even if its caller stops
-//! waiting.
+//! Creating maps, deleting them and setting them aside: a change that has begun runs to its end, even if
+//! its caller stops waiting.
 //!
 //! The work and the entry in the table are one closure on the disk's thread, which owns the lock
 //! that lets one name change at a time. A map whose caller is gone after the creation never gets an
@@ -84,8 +84,15 @@ impl FileStore {
             let failed = |error| file_error("cannot set aside to", &aside, &error);
             inner.disk.create_folder(&aside).map_err(failed)?;
             inner.disk.sync_folder(&inner.root).map_err(failed)?;
-            let uid = folders::name_of(&journal.uid);
-            let to = folders::unused_name(&*inner.disk, &aside, &uid, "").map_err(failed)?;
+            let to = match journal.aside.get() {
+                Some(begun) => begun.clone(),
+                None => {
+                    let uid = folders::name_of(&journal.uid);
+                    let free = folders::unused_name(&*inner.disk, &aside, &uid, "");
+                    let free = free.map_err(failed)?;
+                    journal.aside.get_or_init(|| free).clone()
+                }
+            };
             journal.move_to(&to, "cannot set aside", "its files were set aside")?;
             inner.maps().remove(&name);
             Ok(to)

@@ -43,6 +43,9 @@ pub(super) struct Journal {
     pub(super) name: String,
     pub(super) uid: Uid,
     pub(super) folder: PathBuf,
+    /// Where the folder goes when it is set aside: the same place where that is repeated.
+    #[cfg(feature = "cluster")]
+    pub(super) aside: std::sync::OnceLock<PathBuf>,
     pub(super) disk: Arc<dyn Disk>,
     options: FileStoreOptions,
     pub(super) meters: Arc<StoreMeters>,
@@ -100,6 +103,8 @@ impl Journal {
             name: name.to_owned(),
             uid,
             folder,
+            #[cfg(feature = "cluster")]
+            aside: std::sync::OnceLock::new(),
             disk,
             options,
             meters: Arc::clone(meters),

@@ -128,6 +128,43 @@ async fn a_deletion_that_fails_either_changes_nothing_or_ends_acknowledging() {
     }
 }
 
+#[cfg(feature = "cluster")]
+#[tokio::test]
+async fn what_was_set_aside_is_where_a_repeated_call_says() {
+    let aside = Path::new("/data/set-aside");
+    for number in 0.. {
+        let disk = FaultyDisk::new();
+        let store = open(&disk).unwrap();
+        let mut repeated = 0;
+        // The first copy takes the name that the second one would have.
+        for copy in 1..=2 {
+            store.create("a", Some([7; 16]), None).await.unwrap();
+            append(&store, "a", 1).await.unwrap();
+            let is_idle = |(path, _): &(String, _)| {
+                path.starts_with("/data/maps") && path.ends_with("/durable")
+            };
+            while !disk.files().iter().any(is_idle) {
+                tokio::task::yield_now().await;
+            }
+            if copy == 2 {
+                disk.stage(disk.log().len() + number, Fault::Broken);
+            }
+            let mut folder = store.set_aside("a").await;
+            if folder.is_err() {
+                repeated += 1;
+                folder = store.set_aside("a").await;
+            }
+            let files = disk.list(&folder.unwrap()).unwrap();
+            assert!(files.contains(&"map".to_owned()), "fault at {number}: {files:?}");
+            assert_eq!(disk.list(aside).unwrap().len(), copy);
+        }
+        if repeated == 0 {
+            assert!(number > 3, "{number} operations set a map aside");
+            return;
+        }
+    }
+}
+
 #[tokio::test]
 async fn two_folders_of_one_name_are_told_and_neither_is_served() {
     let disk = FaultyDisk::new();
