@@ -3,6 +3,7 @@
 //! `NATS_SERVER` names the program of NATS, else it is looked for in the path; the tests are skipped
 //! where there is none of version 2.10 or later. `COVIS_TEST_CLUSTER_ROUNDS` repeats what kills.
 
+mod copies;
 #[cfg(target_os = "linux")]
 mod disk;
 #[cfg(target_os = "linux")]
@@ -13,21 +14,19 @@ mod power;
 mod streams;
 mod workers;
 
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::{Duration, Instant};
 
 use covis::client::{Client, Credentials, IngestSession, LinkOptions, RetryPolicy, SessionOptions};
-use covis::map::Map;
 use covis::wire::v1;
 use tokio::sync::Notify;
 
 use self::nats::Nats;
-use self::streams::{lose_stream, messages, prove_one_writer};
+use self::streams::{messages, prove_one_writer};
 use crate::cli_support::{Ran, Running, Workspace};
 use crate::common::{camera, run};
-use crate::durable::{long_keyframe, on_disk};
+use crate::durable::long_keyframe;
 use crate::proxy::Proxy;
 
 /// How often a scenario that kills is played.
@@ -122,16 +121,11 @@ async fn keyframes(url: &str) -> Vec<i64> {
     ids
 }
 
-/// Bytes of the files in a folder and below.
-fn size_of(folder: &Path) -> u64 {
-    let entries = std::fs::read_dir(folder).unwrap().map(Result::unwrap);
-    let sizes = entries.map(|entry| match entry.metadata() {
-        Ok(data) if data.is_dir() => size_of(&entry.path()),
-        Ok(data) => data.len(),
-        // Removed meanwhile.
-        Err(_) => 0,
-    });
-    sizes.sum()
+/// Keeps a snapshot of the map and drops the journal before it.
+fn compact(workspace: &Workspace, server: &Running) {
+    let command = format!("job submit compact --map house --wait --server {}", server.url);
+    let ran = workspace.run(&command, &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
 }
 
 #[test]
@@ -186,9 +180,7 @@ fn a_map_whose_journal_was_dropped_is_taken_over_from_its_snapshot() {
         let mut robot = Robot::new(&first.url).await;
         let last = robot.send(10).await;
         robot.reach(last).await;
-        let ran = workspace
-            .run(&format!("job submit compact --map house --wait --server {}", first.url), &[]);
-        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        compact(&workspace, &first);
         let kept = messages(&nats.urls()).await;
         let first_kept = kept.first_key_value().map(|(&sequence, _)| sequence);
         assert!(first_kept.is_none_or(|first| first > 1), "nothing was purged: {kept:?}");
@@ -297,102 +289,6 @@ fn no_acknowledged_keyframe_is_lost_when_the_owner_and_all_of_nats_are_killed() 
         }
         prove_one_writer(&messages(&nats.urls()).await);
     });
-}
-
-#[test]
-fn what_an_owner_has_on_its_disk_and_the_stream_lacks_is_put_back_where_nobody_wrote_since() {
-    let Some(mut nats) = Nats::start(1, true) else { return };
-    let workspace = Workspace::new();
-    let folder = workspace.path("a");
-    // A lease that does not end while NATS is away: the map takes changes as long as it lasts.
-    let lease = ["--lease-seconds", "3600"];
-    let mut server = nats.covis_over(&nats.urls(), &workspace, "a", &lease);
-    let address = server.url.strip_prefix("http://").unwrap().to_owned();
-    run(async {
-        let mut robot = Robot::new(&server.url).await;
-        let last = robot.send(5).await;
-        robot.reach(last).await;
-        nats.kill();
-        let before = size_of(&folder);
-        let last = robot.send(1).await;
-        robot.received(last).await;
-        // Accepted is not yet written.
-        while size_of(&folder) == before {
-            tokio::task::yield_now().await;
-        }
-        // It is on the owner's disk; nothing acknowledges it as durable.
-        assert!(robot.durable() < last);
-        // Nobody sends it again.
-        drop(robot);
-        server.kill();
-        assert_eq!(on_disk(&folder, "house").await.keyframes().len(), 6);
-        nats.restart();
-        server = nats.covis_at(&address, &workspace, "a");
-        assert_eq!(keyframes(&server.url).await, (0..6).collect::<Vec<_>>());
-        prove_one_writer(&messages(&nats.urls()).await);
-    });
-}
-
-#[test]
-fn a_stream_that_nats_lost_is_written_again_from_the_disk_of_the_owner() {
-    let Some(nats) = Nats::start(1, true) else { return };
-    let workspace = Workspace::new();
-    let mut server = nats.covis(&workspace, "a");
-    let address = server.url.strip_prefix("http://").unwrap().to_owned();
-    run(async {
-        let mut robot = Robot::new(&server.url).await;
-        let last = robot.send(5).await;
-        robot.reach(last).await;
-        drop(robot);
-        server.kill();
-        lose_stream(&nats.urls()).await;
-        server = nats.covis_at(&address, &workspace, "a");
-        assert_eq!(keyframes(&server.url).await, (0..5).collect::<Vec<_>>());
-        // The stream has it all again.
-        server.kill();
-        std::fs::remove_dir_all(workspace.path("a")).unwrap();
-        server = nats.covis_at(&address, &workspace, "a");
-        assert_eq!(keyframes(&server.url).await, (0..5).collect::<Vec<_>>());
-        prove_one_writer(&messages(&nats.urls()).await);
-    });
-}
-
-#[test]
-fn a_map_of_a_data_directory_that_no_cluster_knows_is_set_aside_for_another_of_its_name() {
-    let Some(nats) = Nats::start(1, true) else { return };
-    let workspace = Workspace::new();
-    let folder = workspace.path("a");
-    run(async {
-        let mut alone = Running::spawn(workspace.command(), "127.0.0.1:0", &folder, &[]);
-        let client = Client::connect(&alone.url).await.unwrap();
-        client.create_map("house", None).await.unwrap();
-        let options = SessionOptions::default();
-        let mut session = client.ingest("house", "robot", options).await.unwrap();
-        session.send(camera(0)).await.unwrap();
-        for id in 0..7 {
-            session.send(long_keyframe(id)).await.unwrap();
-        }
-        assert_eq!(session.finish().await.unwrap().acknowledged, 8);
-        assert_eq!(alone.terminate(), Some(0));
-        // The cluster does not know the map, and a robot makes one of that name.
-        let server = nats.covis(&workspace, "a");
-        let mut robot = Robot::new(&server.url).await;
-        let last = robot.send(2).await;
-        robot.reach(last).await;
-        assert_eq!(keyframes(&server.url).await, [0, 1]);
-        assert_eq!(set_aside(&folder, "house").await.keyframes().len(), 7);
-    });
-}
-
-/// The map in the only folder that a server has set aside, read where documents say that it can be.
-async fn set_aside(folder: &Path, name: &str) -> Map {
-    let aside: Vec<_> = std::fs::read_dir(folder.join("set-aside")).unwrap().collect();
-    let [Ok(aside)] = &aside[..] else { panic!("one folder is expected: {aside:?}") };
-    let other = folder.with_extension("other");
-    let maps = other.join("maps");
-    std::fs::create_dir_all(&maps).unwrap();
-    std::fs::rename(aside.path(), maps.join(aside.file_name())).unwrap();
-    on_disk(&other, name).await
 }
 
 #[test]

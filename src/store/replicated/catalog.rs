@@ -26,6 +26,9 @@ pub(super) struct Entry {
     /// Revisions of the snapshots that are kept, rising; at most two.
     #[serde(default)]
     pub(super) snapshots: Vec<u64>,
+    /// Whether its stream was missing once: what servers' own journals have may have been acknowledged.
+    #[serde(default)]
+    pub(super) stream_was_lost: bool,
 }
 
 /// An entry and the revision of its key.

@@ -46,6 +46,22 @@ pub(super) struct MapStream {
 }
 
 impl MapStream {
+    /// Whether a map has a stream.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`].
+    pub(super) async fn exists(
+        context: &Context,
+        map: &str,
+        uid: &str,
+    ) -> Result<bool, StoreError> {
+        match context.get_stream(name_of(uid)).await {
+            Ok(_) => Ok(true),
+            Err(error) if is_not_found(&error) => Ok(false),
+            Err(error) => Err(unavailable(map, "the map's stream", &error)),
+        }
+    }
+
     /// Opens the stream of a map, and makes it where it is missing.
     ///
     /// # Errors
@@ -194,9 +210,9 @@ impl MapStream {
 pub(super) async fn delete(context: &Context, map: &str, uid: &str) -> Result<(), StoreError> {
     match context.delete_stream(name_of(uid)).await {
         Ok(_) => Ok(()),
-        Err(error) => match context.get_stream(name_of(uid)).await {
-            Err(gone) if is_not_found(&gone) => Ok(()),
-            Ok(_) | Err(_) => Err(unavailable(map, "the map's stream", &error)),
+        Err(error) => match MapStream::exists(context, map, uid).await {
+            Ok(false) => Ok(()),
+            Ok(true) | Err(_) => Err(unavailable(map, "the map's stream", &error)),
         },
     }
 }

@@ -138,7 +138,7 @@ impl ReplicatedStore {
     /// The entry of a new map, with this server as its owner.
     fn new_entry(&self, map: &str, snapshots: Vec<u64>) -> Entry {
         let (name, owner) = (map.to_owned(), Some(self.members.me().clone()));
-        Entry { name, uid: new_uid(), owner, snapshots }
+        Entry { name, uid: new_uid(), owner, snapshots, stream_was_lost: false }
     }
 
     /// Makes an entry for a new map and opens it. `content` is a snapshot that it begins with.
@@ -155,7 +155,7 @@ impl ReplicatedStore {
             // Another server made it a moment ago: whoever asks again is led there.
             return Err(StoreError::OwnedElsewhere { map: map.to_owned(), owner: None });
         }
-        self.take_over(map).await
+        self.take_over(map, true).await
     }
 }
 
@@ -225,7 +225,7 @@ impl Store for ReplicatedStore {
 
     async fn acquire(&self, map: &str) -> Result<Epoch, StoreError> {
         self.check_lease(map)?;
-        self.take_over(map).await
+        self.take_over(map, false).await
     }
 
     async fn append(

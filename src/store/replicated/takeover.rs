@@ -8,7 +8,8 @@
 //! this server's: a server that paused in between lets go of it.
 //!
 //! The own journal has the uid of the catalog's entry. One of the same name and another uid is of another
-//! map, or of one that NATS has lost: it is set aside and never deleted.
+//! map, or of one that NATS has lost: it is set aside and never deleted. So is what does not fit a map
+//! whose stream was missing once: servers acknowledged events that their own journals alone still have.
 
 use std::sync::Arc;
 
@@ -37,8 +38,8 @@ enum Own {
 }
 
 impl ReplicatedStore {
-    /// Opens a map that the catalog gives to this server.
-    pub(super) async fn take_over(&self, map: &str) -> Result<Epoch, StoreError> {
+    /// Opens a map that the catalog gives to this server. A new one has no stream yet.
+    pub(super) async fn take_over(&self, map: &str, is_new: bool) -> Result<Epoch, StoreError> {
         let elsewhere = || StoreError::OwnedElsewhere { map: map.to_owned(), owner: None };
         let me = self.members.me();
         let known = self.catalog.get(map).await?;
@@ -49,6 +50,15 @@ impl ReplicatedStore {
         // A map that was open here is open no more.
         let former = self.maps().remove(map);
         drop(former);
+        let uid = &known.entry.uid;
+        let known = if is_new || MapStream::exists(&self.context, map, uid).await? {
+            known
+        } else {
+            // Before a stream is made: whoever takes the map over later must know that one was lost.
+            tracing::error!(map, "NATS has lost the map's stream");
+            let entry = Entry { stream_was_lost: true, ..known.entry.clone() };
+            self.catalog.replace(&known, entry).await?.ok_or_else(elsewhere)?
+        };
         let stream = MapStream::open(&self.context, map, &known.entry.uid, self.replicas).await?;
         let epoch = stream.fence(me).await?;
         let found = stream.read(epoch).await?.events;
@@ -99,25 +109,33 @@ impl ReplicatedStore {
         if self.local.damage(map).await?.iter().any(|damage| damage.lost.is_some()) {
             return Ok(Own::Other);
         }
-        let first = match found.first() {
-            Some(found) => sequence_of(found.event.revision),
-            // NATS has lost what the stream held, or never had it.
-            None if through == 0 && self.is_of(map, entry) => 1,
-            // Nothing that both have tells that they are one history.
-            None => return Ok(Own::Other),
-        };
-        let own = match self.local.read(map, first - 1).await {
-            Ok(own) => own,
+        // A stream without events begins behind the newest snapshot, or NATS has lost what it held.
+        let begin = found.first().map_or(through, |found| sequence_of(found.event.revision) - 1);
+        let last = found.last().map_or(0, |found| sequence_of(found.event.revision));
+        let (begin, own) = match self.local.read(map, begin).await {
+            // The stream reaches back to the older snapshot, the journal to its newest one.
+            Err(StoreError::Truncated { through: dropped, .. }) if dropped < last => {
+                (dropped, self.local.read(map, dropped).await?)
+            }
             Err(StoreError::Truncated { .. }) => return Ok(Own::Other),
-            Err(error) => return Err(error),
+            own => (begin, own?),
         };
+        let is_known = |found: &&Found| sequence_of(found.event.revision) <= begin;
+        let found = &found[found.iter().take_while(is_known).count()..];
+        let mut same = 0;
+        if found.is_empty() {
+            // No event tells that both are one history.
+            if !self.is_of(map, entry) || !self.has_snapshot(map, entry, through).await? {
+                return Ok(Own::Other);
+            }
+            same = through;
+        }
         let mut bytes = Vec::new();
         let mut encoded = own.iter().map(|event| {
             bytes.clear();
             encode_event(event, &mut bytes);
             (sequence_of(event.revision), bytes.clone())
         });
-        let mut same = 0;
         for found in found {
             match encoded.next() {
                 Some((_, bytes)) if bytes == found.encoded => {
@@ -134,6 +152,23 @@ impl ReplicatedStore {
         } else {
             Own::Beyond(beyond)
         })
+    }
+
+    /// Whether this server has the snapshot of a revision, as NATS has it; every map is empty at 0.
+    async fn has_snapshot(
+        &self,
+        map: &str,
+        entry: &Entry,
+        revision: u64,
+    ) -> Result<bool, StoreError> {
+        if revision == 0 {
+            return Ok(true);
+        }
+        let own = self.local.get_snapshot(map).await?;
+        let own = own.filter(|own| sequence_of(own.revision()) == revision);
+        let Some(own) = own else { return Ok(false) };
+        let shared = self.newest_snapshot(map, entry).await?;
+        Ok(shared.is_some_and(|shared| shared == own))
     }
 
     /// Makes the own journal hold what the stream has; returns what it holds beyond.
@@ -172,10 +207,10 @@ impl ReplicatedStore {
         Ok(revision)
     }
 
-    /// Makes room for the map's journal. What the stream lacks was never acknowledged and goes; but a
-    /// NATS that does not sync may have lost it, and the journal of another map may be its only one.
+    /// Makes room for the map's journal. What the stream lacks was never acknowledged and goes; but
+    /// NATS may have lost it, and the journal of another map may be its only one.
     async fn make_room(&self, map: &str, entry: &Entry) -> Result<(), StoreError> {
-        if self.syncs && self.is_of(map, entry) {
+        if self.syncs && !entry.stream_was_lost && self.is_of(map, entry) {
             return self.local.delete_map(map).await;
         }
         let folder = self.local.set_aside(map).await?;

@@ -7,9 +7,10 @@ use covis::client::{Client, ClientError};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::copies::set_aside;
 use super::disk::ForgetfulDisk;
 use super::nats::Nats;
-use super::{Robot, messages, patient, prove_one_writer, rounds, set_aside};
+use super::{Robot, messages, patient, prove_one_writer, rounds};
 use crate::cli_support::{Running, Workspace};
 use crate::common::run;
 use crate::power::model::Survival;
