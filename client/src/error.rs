@@ -20,28 +20,22 @@ const ELSEWHERE: &str = "MAP_OWNED_ELSEWHERE";
 
 /// Why a call or a session failed.
 #[derive(Clone, Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum ClientError {
     /// The server's address is no URL.
     #[error("{url:?} is not the URL of a server, such as http://127.0.0.1:7411")]
-    InvalidUrl {
-        /// What was given.
-        url: String,
-    },
+    InvalidUrl { url: String },
     /// Nobody answers at the server's address.
     #[error("no server answers at {url}")]
     Unreachable {
-        /// The address.
         url: String,
-        /// What the transport said.
         #[source]
         source: Arc<tonic::transport::Error>,
     },
     /// Certificates or a key that cannot be used.
     #[error("certificates for {url}")]
     Tls {
-        /// The address.
         url: String,
-        /// What the transport said.
         #[source]
         source: Arc<tonic::transport::Error>,
     },
@@ -50,26 +44,17 @@ pub enum ClientError {
     InvalidToken,
     /// A token that others on the network could read along; nothing was sent.
     #[error("a token is not sent in plain text to {url}: take https")]
-    TokenInPlainText {
-        /// The address.
-        url: String,
-    },
+    TokenInPlainText { url: String },
     /// The server, or the link to it, ended a call.
     #[error("{rpc}: {}", describe(status))]
     Rpc {
         /// The call, for instance `CreateMap`.
         rpc: &'static str,
-        /// What it ended with.
         status: Box<Status>,
     },
     /// An answer that the wire does not allow.
     #[error("{rpc}: {what}")]
-    Protocol {
-        /// The call.
-        rpc: &'static str,
-        /// What is wrong with the answer.
-        what: &'static str,
-    },
+    Protocol { rpc: &'static str, what: &'static str },
     /// An item that the server would not take because of its size; nothing was sent.
     #[error("the item takes {bytes} bytes, the server takes messages of at most {limit}")]
     TooLarge {
@@ -80,91 +65,49 @@ pub enum ClientError {
     },
     /// A sequence that is not above the one before; nothing was sent.
     #[error("sequence {sequence} is not above {last}")]
-    SequenceOrder {
-        /// The sequence.
-        sequence: i64,
-        /// The highest that was used.
-        last: i64,
-    },
+    SequenceOrder { sequence: i64, last: i64 },
     /// An item that was waited for, and that the server refused for good. The session goes on.
     #[error("item {sequence} was rejected: {}", describe_violations(violations))]
     Rejected {
-        /// Its sequence.
         sequence: i64,
-        /// The fields that are wrong; empty when too many items were refused to keep them all.
+        /// Empty when too many items were refused to keep them all.
         violations: Vec<v1::ItemViolation>,
     },
     /// A newer stream of the same client took over.
     #[error("another stream of client {client_id} on map {map_id} has taken over")]
-    Fenced {
-        /// The map.
-        map_id: String,
-        /// The client.
-        client_id: String,
-    },
+    Fenced { map_id: String, client_id: String },
     /// The map was deleted and made again while the session was open.
     #[error("map {map_id} is another one than before (uid {uid}, was {expected})")]
-    MapReplaced {
-        /// The map.
-        map_id: String,
-        /// The uid that the session began with.
-        expected: String,
-        /// The uid now.
-        uid: String,
-    },
+    MapReplaced { map_id: String, expected: String, uid: String },
     /// The server was started anew and no longer has the map: its journal was in memory.
     #[error("the server was restarted (instance {instance_id}) and has no map {map_id} any more")]
-    ServerRestarted {
-        /// The map.
-        map_id: String,
-        /// The server's instance now.
-        instance_id: String,
-    },
+    ServerRestarted { map_id: String, instance_id: String },
     /// The server no longer has items that it had acknowledged.
     #[error(
         "the server lost items: it goes on at {next_sequence}, {acknowledged} was acknowledged"
     )]
-    ItemsLost {
-        /// Where the server goes on.
-        next_sequence: i64,
-        /// The last sequence that was acknowledged.
-        acknowledged: i64,
-    },
+    ItemsLost { next_sequence: i64, acknowledged: i64 },
     /// The file of items that do not fit memory cannot be used.
     #[error("{}: the items that wait there", path.display())]
     Spill {
-        /// The file.
         path: PathBuf,
-        /// What the system said.
         #[source]
         source: Arc<std::io::Error>,
     },
     /// Another process sends for this client on this map, with the same folder.
     #[error("{}: another session holds this file", path.display())]
-    SpillInUse {
-        /// The file.
-        path: PathBuf,
-    },
+    SpillInUse { path: PathBuf },
     /// Items of an earlier session wait for a map that is gone. They are left as they are.
     #[error(
         "{}: what waits there is for another map of this name (uid {expected}, this one is {uid}); \
          remove the file to give it up",
         path.display()
     )]
-    SpillOfAnotherMap {
-        /// The file.
-        path: PathBuf,
-        /// The uid of its map.
-        expected: String,
-        /// The uid of the map now.
-        uid: String,
-    },
+    SpillOfAnotherMap { path: PathBuf, expected: String, uid: String },
     /// The link did not come back within the retries.
     #[error("gave up after {attempts} attempts")]
     RetriesExhausted {
-        /// How often it was tried without progress.
         attempts: u32,
-        /// What the last attempt ended with.
         #[source]
         last: Box<ClientError>,
     },

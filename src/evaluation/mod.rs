@@ -29,6 +29,7 @@ pub use statistics::Statistics;
 
 /// Two trajectories, or two masks, that cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum EvaluationError {
     /// No pose of one has a partner in the other.
     #[error("no timestamps of truth and estimate are within {max_difference_s} s of each other")]
@@ -38,26 +39,16 @@ pub enum EvaluationError {
     },
     /// The largest time difference is negative or not finite.
     #[error("the largest time difference is {value} s; it must be finite and not negative")]
-    InvalidTimeDifference {
-        /// The value.
-        value: f64,
-    },
+    InvalidTimeDifference { value: f64 },
     /// An RPE needs at least two matched poses.
     #[error("{pairs} matched poses; a relative error needs two")]
-    TooFewPairs {
-        /// How many there are.
-        pairs: usize,
-    },
+    TooFewPairs { pairs: usize },
     /// The time over which a drift is asked for is not positive or not finite.
     #[error("the time between two poses is {value} s; it must be finite and positive")]
-    InvalidDelta {
-        /// The value.
-        value: f64,
-    },
+    InvalidDelta { value: f64 },
     /// Too few poses of the estimate are this far apart and have a truth.
     #[error("{pairs} pairs of poses are {delta_s} s apart and have a truth; two are needed")]
     TooFewApart {
-        /// How many there are.
         pairs: usize,
         /// The time between the poses of a pair, in seconds.
         delta_s: f64,
@@ -75,7 +66,6 @@ pub enum EvaluationError {
         "{pairs} matched positions do not determine a rotation (their covariance has rank {rank})"
     )]
     Degenerate {
-        /// How many matched positions there are.
         pairs: usize,
         /// Singular values of their covariance that are not zero.
         rank: usize,

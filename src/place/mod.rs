@@ -49,32 +49,20 @@ pub struct Feature<'a> {
 
 /// Why a keyframe or a query is refused. Nothing has changed then.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum PlaceError {
     /// The keyframe is in the index.
     #[error("keyframe {0} is in the index already")]
     Known(EntityId),
     /// A descriptor is too short or too long.
     #[error("descriptor {number} has {bytes} bytes, not 16 to 512")]
-    Length {
-        /// Its place in the features.
-        number: usize,
-        /// Its length.
-        bytes: usize,
-    },
+    Length { number: usize, bytes: usize },
     /// The descriptor of a whole image has no direction.
     #[error("the {bytes} bytes of the image's descriptor are no finite 32-bit floats other than 0")]
-    WholeImage {
-        /// Its length.
-        bytes: usize,
-    },
+    WholeImage { bytes: usize },
     /// Too many features in one keyframe.
     #[error("{count} descriptors named {name:?} in one keyframe, more than 4096")]
-    Descriptors {
-        /// What made them.
-        name: String,
-        /// How many.
-        count: usize,
-    },
+    Descriptors { name: String, count: usize },
     /// Too many features in one keyframe.
     #[error("{0} descriptors in one keyframe, more than 65,536")]
     Features(usize),
@@ -85,12 +73,7 @@ pub enum PlaceError {
     #[error(
         "descriptors named {name:?} of {bytes} bytes would be the 17th type of descriptor in the index"
     )]
-    DescriptorTypes {
-        /// The name of the type for which there is no room.
-        name: String,
-        /// The length of its descriptors.
-        bytes: usize,
-    },
+    DescriptorTypes { name: String, bytes: usize },
     /// Too many keyframes.
     #[error(
         "the index holds 1,048,576 keyframes with descriptors named {0:?}, which is all it can"

@@ -15,66 +15,32 @@ pub(super) enum ServiceError {
     /// Fields of the request are bad, or not served yet.
     Rejected(Rejection),
     /// Messages arrived out of order, or one had no content.
-    Protocol {
-        /// The field at fault.
-        field: &'static str,
-        /// What was expected.
-        description: &'static str,
-    },
+    Protocol { field: &'static str, description: &'static str },
     /// An error of the engine.
     Engine(EngineError),
     /// The problem in the request cannot be solved as posed.
-    Unsolvable {
-        /// The field that holds the problem.
-        field: &'static str,
-        /// What is wrong with it.
-        error: SolveError,
-    },
+    Unsolvable { field: &'static str, error: SolveError },
     /// The map has no such client.
-    ClientNotFound {
-        /// The map.
-        map: String,
-        /// The client.
-        client: String,
-    },
+    ClientNotFound { map: String, client: String },
     /// A file format has no place for something in the map.
-    FormatCannotHoldMap {
-        /// The map.
-        map: String,
-        /// What the format cannot contain.
-        reason: String,
-    },
+    FormatCannotHoldMap { map: String, reason: String },
     /// An error of a job.
     Job(JobError),
     /// A worker could not do its task: what the call would have answered there.
     OfWorker(v1::JobFailure),
     /// Part of the wire, not served yet.
-    Unserved {
-        /// The call or value.
-        what: &'static str,
-    },
+    Unserved { what: &'static str },
     /// The server keeps no more of something.
-    ServerLimit {
-        /// The limit's name.
-        limit: &'static str,
-        /// Its value.
-        maximum: i64,
-    },
+    ServerLimit { limit: &'static str, maximum: i64 },
     /// A request message, or the rest of one, did not arrive in time.
     SlowMessage {
         /// The time limit, seconds.
         seconds: u64,
     },
     /// The caller sent no token, or an unknown one.
-    Unauthenticated {
-        /// What is wrong.
-        what: &'static str,
-    },
+    Unauthenticated { what: &'static str },
     /// The caller's role does not cover the call.
-    RoleTooLow {
-        /// The role that the call needs.
-        needed: &'static str,
-    },
+    RoleTooLow { needed: &'static str },
     /// The server is still opening its maps.
     Starting,
     /// The server is shutting down.
@@ -89,17 +55,9 @@ pub(super) enum ServiceError {
     /// The caller went away; nobody reads the code.
     Gone,
     /// A message that could not be read, with the code that the transport gives it.
-    Transport {
-        /// The transport's code.
-        code: tonic::Code,
-        /// Its message.
-        message: String,
-    },
+    Transport { code: tonic::Code, message: String },
     /// A bug in a handler or a solve.
-    Panicked {
-        /// The message of the panic, for the log.
-        message: String,
-    },
+    Panicked { message: String },
 }
 
 impl ServiceError {

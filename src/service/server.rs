@@ -48,6 +48,7 @@ use crate::store::{ReplicatedStore, ReplicationError};
 
 /// Why a server does not start.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum ServerError {
     /// The listener has no address.
     #[error("the listener's address")]
@@ -57,10 +58,7 @@ pub enum ServerError {
     Engine(#[from] EngineError),
     /// The folder of jobs cannot be read.
     #[error("the jobs: {reason}")]
-    Jobs {
-        /// What is wrong.
-        reason: String,
-    },
+    Jobs { reason: String },
     /// Maps cannot be shared with other servers.
     #[cfg(feature = "cluster")]
     #[error("the cluster")]
@@ -76,44 +74,25 @@ pub enum ServerError {
         "plain text is served on loopback only, not on {address}: give a certificate and a key, \
          or allow it by name"
     )]
-    PlainText {
-        /// Where the listener is bound.
-        address: SocketAddr,
-    },
+    PlainText { address: SocketAddr },
     /// Others on the network could read the metrics.
     #[error(
         "metrics are plain text and served on loopback only, not on {address}: allow plain text by name"
     )]
-    PlainMetrics {
-        /// Where they were to be served.
-        address: SocketAddr,
-    },
+    PlainMetrics { address: SocketAddr },
     /// The address for metrics cannot be bound.
     #[error("cannot serve metrics on {address}")]
-    Metrics {
-        /// Where they were to be served.
-        address: String,
-        /// The error of the system.
-        source: io::Error,
-    },
+    Metrics { address: String, source: io::Error },
     /// The address for the page cannot be bound.
     #[error("cannot serve the page on {address}")]
-    Page {
-        /// Where it was to be served.
-        address: String,
-        /// The error of the system.
-        source: io::Error,
-    },
+    Page { address: String, source: io::Error },
     /// The descriptors of the wire cannot be served.
     #[error("server reflection")]
     Reflection(#[from] tonic_reflection::server::Error),
     /// An unknown test fault.
     #[cfg(feature = "faults")]
     #[error("unknown test fault {name:?}")]
-    UnknownFault {
-        /// Its name.
-        name: String,
-    },
+    UnknownFault { name: String },
 }
 
 /// Starts servers.

@@ -30,18 +30,14 @@ pub struct TlsFiles {
 
 /// Certificates or keys that cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum TlsError {
     /// A file cannot be read.
     #[error("certificates and keys")]
     Read(#[from] io::Error),
     /// A file does not contain what it should.
     #[error("{}: holds no {what} in PEM", path.display())]
-    Pem {
-        /// The file.
-        path: PathBuf,
-        /// What it should contain.
-        what: &'static str,
-    },
+    Pem { path: PathBuf, what: &'static str },
     /// The certificate is not valid, or the key does not belong to it.
     #[error("certificate and key")]
     Refused(#[from] rustls::Error),

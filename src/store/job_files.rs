@@ -82,6 +82,7 @@ impl JobUpload {
 
 /// Why a file of a job cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum JobFileError {
     /// It is not there.
     #[error("the file is not there")]
@@ -91,20 +92,10 @@ pub enum JobFileError {
     Store(#[from] StoreError),
     /// A later version wrote it; it is left as it is.
     #[error("{file} was written by a later version: {reason}")]
-    Later {
-        /// The file.
-        file: String,
-        /// Which version, or what is not known here.
-        reason: String,
-    },
+    Later { file: String, reason: String },
     /// It does not hold what was written.
     #[error("{file} is damaged: {reason}")]
-    Damaged {
-        /// The file.
-        file: String,
-        /// What is wrong.
-        reason: String,
-    },
+    Damaged { file: String, reason: String },
 }
 
 /// A record that was read.

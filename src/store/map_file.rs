@@ -107,21 +107,18 @@ pub(super) fn with_checksums(mut parts: &[u8]) -> Vec<u8> {
 
 /// Why bytes are no map.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum MapFileError {
     /// The bytes are damaged, or end too early.
     #[error("byte {offset}: {reason}")]
     Damaged {
         /// The first byte of what cannot be read.
         offset: u64,
-        /// What is wrong.
         reason: String,
     },
     /// A later version wrote the file, and this one cannot read it.
     #[error("the file needs version {needs} of the format, and {VERSION} is the latest known here")]
-    Later {
-        /// The lowest version that reads it.
-        needs: u32,
-    },
+    Later { needs: u32 },
     /// The caller stopped the reading.
     #[error("the reading was stopped")]
     Stopped,

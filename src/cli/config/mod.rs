@@ -36,45 +36,26 @@ pub type Texts = Vec<(String, OsString)>;
 
 /// A configuration that cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum ConfigError {
     /// The file cannot be read.
     #[error("{}: cannot be read", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    Read { path: PathBuf, source: std::io::Error },
     /// The file is not TOML, holds an unknown key or a value of another type.
     #[error("{}, line {line}: {reason} (`{text}`)", path.display())]
     File {
-        /// The file.
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What is wrong; an unknown key is named.
         reason: String,
-        /// The line's text.
         text: String,
     },
     /// A variable of the environment, or a flag, cannot be read as its setting.
     #[error("{name}: {expected} is needed, not `{value}`")]
-    Value {
-        /// The variable or the flag.
-        name: String,
-        /// Its value.
-        value: String,
-        /// What it should be.
-        expected: String,
-    },
+    Value { name: String, value: String, expected: String },
     /// A setting is out of its range.
     #[error("setting {key}: {reason}")]
-    OutOfRange {
-        /// The setting.
-        key: &'static str,
-        /// What it must be.
-        reason: &'static str,
-    },
+    OutOfRange { key: &'static str, reason: &'static str },
 }
 
 /// The `COVIS_*` variables that are not empty, by name, in order.

@@ -33,6 +33,7 @@ const MAX_BYTES: usize = 256 << 10;
 
 /// A file of tokens or of keys that cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum AccessError {
     /// The file cannot be read.
     #[error("the file of tokens")]
@@ -40,35 +41,27 @@ pub enum AccessError {
     /// The file is not TOML of the right shape. Its text is not shown.
     #[error("{}, line {line}: {reason}", path.display())]
     File {
-        /// The file.
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What is wrong.
         reason: String,
     },
     /// An entry has a bad field. Its value is not shown: it could be the token itself.
     #[error("{}: token {number}: {field} must be {expected}", path.display())]
     Entry {
-        /// The file.
         path: PathBuf,
         /// Which entry, from 1.
         number: usize,
-        /// The field.
         field: &'static str,
-        /// What it must be.
         expected: &'static str,
     },
     /// A tenant's entry has a bad field.
     #[error("{}: tenant {number}: {field} must be {expected}", path.display())]
     Tenant {
-        /// The file.
         path: PathBuf,
         /// Which entry, from 1.
         number: usize,
-        /// The field.
         field: &'static str,
-        /// What it must be.
         expected: &'static str,
     },
     /// The file of keys cannot be read.
@@ -77,7 +70,6 @@ pub enum AccessError {
     /// The file of keys is not JSON of the right shape. Its text is not shown.
     #[error("{}, line {line}: this is no JSON Web Key Set", path.display())]
     Keys {
-        /// The file.
         path: PathBuf,
         /// The line, from 1.
         line: usize,
@@ -85,19 +77,14 @@ pub enum AccessError {
     /// A key cannot be used.
     #[error("{}: key {number}: {reason}", path.display())]
     Key {
-        /// The file.
         path: PathBuf,
         /// Which key, from 1.
         number: usize,
-        /// What is wrong.
         reason: &'static str,
     },
     /// No token could be accepted.
     #[error("{}: holds no key for signatures by RS256, PS256, ES256 or EdDSA", path.display())]
-    NoKey {
-        /// The file.
-        path: PathBuf,
-    },
+    NoKey { path: PathBuf },
 }
 
 #[derive(Deserialize)]

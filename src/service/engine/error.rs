@@ -13,69 +13,35 @@ use crate::store::StoreError;
 
 /// A refused call or the end of a stream.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum EngineError {
     /// There is no such map, or it was deleted meanwhile.
     #[error("map {map:?} does not exist")]
-    MapNotFound {
-        /// The map.
-        map: String,
-    },
+    MapNotFound { map: String },
     /// A map with this name exists already.
     #[error("map {map:?} exists already")]
-    MapExists {
-        /// The map.
-        map: String,
-    },
+    MapExists { map: String },
     /// A change of the map hit a bug: the map can be read and exported, but not changed.
     #[error("map {map:?} is poisoned by an earlier bug: it can be read and takes no changes")]
-    Poisoned {
-        /// The map.
-        map: String,
-    },
+    Poisoned { map: String },
     /// The map was frozen by request: it can be read, but not changed.
     #[error("map {map:?} is frozen: it can be read and takes no changes")]
-    Frozen {
-        /// The map.
-        map: String,
-    },
+    Frozen { map: String },
     /// The map is becoming part of another one, or was taken out of one: its name soon leads to it.
     #[error("map {map:?} is moving into or out of another map: try again")]
-    Moving {
-        /// The map.
-        map: String,
-    },
+    Moving { map: String },
     /// The map became part of another one.
     #[error("map {map:?} was merged into map {into:?}")]
-    MergedAway {
-        /// The map.
-        map: String,
-        /// The map that it is part of.
-        into: String,
-    },
+    MergedAway { map: String, into: String },
     /// A merge that is to be undone was not made, or was undone already.
     #[error("map {source_map:?} is not merged into map {map:?}")]
-    NotMerged {
-        /// The target.
-        map: String,
-        /// The source.
-        source_map: String,
-    },
+    NotMerged { map: String, source_map: String },
     /// It is not known where a map lies in the one that is to take it.
     #[error("it cannot be told where map {map:?} lies in the target: {error}")]
-    NotAligned {
-        /// The source.
-        map: String,
-        /// What was found.
-        error: NotAligned,
-    },
+    NotAligned { map: String, error: NotAligned },
     /// The content of a map does not fit the one that is to take it.
     #[error("map {map:?} cannot be merged: {error}")]
-    CannotMerge {
-        /// The source.
-        map: String,
-        /// Why.
-        error: MergeError,
-    },
+    CannotMerge { map: String, error: MergeError },
     /// A constraint is not between keyframes of two maps.
     #[error(
         "keyframes {} of client {:?} and {} of client {:?} are not one of each map",
@@ -84,108 +50,56 @@ pub enum EngineError {
     NoSuchKeyframe {
         /// One of them, by client and id.
         keyframe_i: (String, i64),
-        /// The other one.
         keyframe_j: (String, i64),
     },
     /// The map's policy has no place recognition.
     #[error("map {map:?} recognizes no places: its policy has place_recognition off")]
-    NoPlaceRecognition {
-        /// The map.
-        map: String,
-    },
+    NoPlaceRecognition { map: String },
     /// The map holds positions that were converted with the anchor that is to change.
     #[error("map {map:?} holds priors: its geodetic anchor can no longer change")]
-    AnchorInUse {
-        /// The map.
-        map: String,
-    },
+    AnchorInUse { map: String },
     /// A change was requested for another revision than the map's.
     #[error("map {map:?} is at revision {actual}, the change is for revision {expected}")]
-    RevisionMismatch {
-        /// The map.
-        map: String,
-        /// The revision that the caller expects.
-        expected: i64,
-        /// The map's revision.
-        actual: i64,
-    },
+    RevisionMismatch { map: String, expected: i64, actual: i64 },
     /// The client has a stream with a newer epoch.
     #[error("client {client:?} of map {map:?}: epoch {epoch} is fenced, the newest is {newest}")]
-    EpochFenced {
-        /// The map.
-        map: String,
-        /// The client.
-        client: String,
-        /// The epoch of the refused or ended stream.
-        epoch: i64,
-        /// The client's newest epoch.
-        newest: i64,
-    },
+    EpochFenced { map: String, client: String, epoch: i64, newest: i64 },
     /// A number in a request is larger than the largest that is accepted.
     #[error("{field}: at most {maximum} is taken")]
-    TooLarge {
-        /// Path of the field.
-        field: &'static str,
-        /// The largest value.
-        maximum: i64,
-    },
+    TooLarge { field: &'static str, maximum: i64 },
     /// Another optimization runs on the map.
     #[error("another optimization runs on map {map:?}")]
-    OptimizationRunning {
-        /// The map.
-        map: String,
-    },
+    OptimizationRunning { map: String },
     /// An item would exceed a ceiling of the map. It was not accepted, but it is not invalid.
     #[error("map {map:?} is full: {limit} is {maximum}")]
     Ceiling {
-        /// The map.
         map: String,
         /// The ceiling, as the wire names it.
         limit: &'static str,
-        /// Its value.
         maximum: i64,
     },
     /// A request would exceed a ceiling of its tenant. It was not done, but it is not invalid.
     #[error("the tenant is full: {limit} is {maximum}")]
-    TenantCeiling {
-        /// The ceiling.
-        limit: &'static str,
-        /// Its value.
-        maximum: i64,
-    },
+    TenantCeiling { limit: &'static str, maximum: i64 },
     /// A request would exceed a limit of the server. It was not done, but it is not invalid.
     #[error("the server is full: {limit} is {maximum}")]
     ServerCeiling {
         /// The limit, as the wire names it.
         limit: &'static str,
-        /// Its value.
         maximum: i64,
     },
     /// A watcher asks for changes since a revision that the map has not reached.
     #[error("map {map:?} is at revision {newest}, {revision} lies ahead of it")]
-    RevisionAhead {
-        /// The map.
-        map: String,
-        /// The requested revision.
-        revision: i64,
-        /// The map's revision.
-        newest: i64,
-    },
+    RevisionAhead { map: String, revision: i64, newest: i64 },
     /// The map's problem cannot be solved as posed.
     #[error("the problem cannot be solved as posed: {0}")]
     Solve(#[from] SolveError),
     /// The map has no factor, or nothing in it may move.
     #[error("map {map:?} holds nothing to solve")]
-    NothingToSolve {
-        /// The map.
-        map: String,
-    },
+    NothingToSolve { map: String },
     /// The caller went away; nothing was changed.
     #[error("the caller of map {map:?} went away")]
-    Cancelled {
-        /// The map.
-        map: String,
-    },
+    Cancelled { map: String },
     /// The server accepts no more work.
     #[error("the server is shutting down")]
     ShuttingDown,
@@ -194,24 +108,13 @@ pub enum EngineError {
     Store(#[from] StoreError),
     /// A journal cannot be replayed.
     #[error("map {map:?} does not replay: {error}")]
-    Journal {
-        /// The map.
-        map: String,
-        /// Why an event does not fit.
-        error: MapError,
-    },
+    Journal { map: String, error: MapError },
     /// The solver pool's threads could not be started.
     #[error("{count} solver threads could not be started")]
-    Threads {
-        /// How many were requested.
-        count: usize,
-    },
+    Threads { count: usize },
     /// A bug; the log holds the details under this id.
     #[error("a bug was hit, see {id} in the log")]
-    Bug {
-        /// Names the entry in the log.
-        id: String,
-    },
+    Bug { id: String },
 }
 
 /// Logs a bug and returns the error that names the entry.

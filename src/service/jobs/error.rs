@@ -9,50 +9,25 @@ use crate::store::{JobFileError, StoreError};
 pub(in crate::service) enum JobError {
     /// There is no such job.
     #[error("job {job:?} does not exist")]
-    NotFound {
-        /// The job.
-        job: String,
-    },
+    NotFound { job: String },
     /// A job with this name is there, with another spec.
     #[error("job {job:?} exists already, with another spec")]
-    Exists {
-        /// The job.
-        job: String,
-    },
+    Exists { job: String },
     /// The job has ended.
     #[error("job {job:?} has ended")]
-    Ended {
-        /// The job.
-        job: String,
-    },
+    Ended { job: String },
     /// The job has not ended.
     #[error("job {job:?} has not ended")]
-    NotEnded {
-        /// The job.
-        job: String,
-    },
+    NotEnded { job: String },
     /// A job that has not ended changes the map.
     #[error("job {job:?} changes map {map:?} and has not ended")]
-    MapBusy {
-        /// The map.
-        map: String,
-        /// The job that has it.
-        job: String,
-    },
+    MapBusy { map: String, job: String },
     /// There is no such upload, or a job has taken it, or it has expired.
     #[error("upload {upload:?} does not exist: it expires, and serves one job")]
-    UploadNotFound {
-        /// The upload.
-        upload: String,
-    },
+    UploadNotFound { upload: String },
     /// The job made no such file.
     #[error("job {job:?} made no file {path:?}")]
-    FileNotFound {
-        /// The job.
-        job: String,
-        /// The file.
-        path: String,
-    },
+    FileNotFound { job: String, path: String },
     /// There is no space, no descriptor or no memory just now; nothing was changed.
     #[error("the store has run out of something for now: {cause}")]
     Unavailable {

@@ -45,6 +45,7 @@ static SHAPES: LazyLock<Shapes> = LazyLock::new(|| Shapes::of(v1::FILE_DESCRIPTO
 
 /// Why bytes are no event or no map.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum EncodingError {
     /// The bytes are no message.
     #[error("not a message: {0}")]
@@ -67,7 +68,7 @@ pub enum EncodingError {
     /// What is read is not what was written.
     #[error("{part} are not what was written")]
     Different {
-        /// What differs, in the plural.
+        /// In the plural.
         part: &'static str,
     },
     /// The stream of parts cannot be read or written.

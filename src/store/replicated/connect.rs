@@ -53,23 +53,14 @@ pub struct ReplicationOptions {
 
 /// Why maps cannot be shared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum ReplicationError {
     /// NATS does not answer, or not as it should.
     #[error("NATS: {what}: {reason}")]
-    Nats {
-        /// What was tried.
-        what: &'static str,
-        /// What it answered.
-        reason: String,
-    },
+    Nats { what: &'static str, reason: String },
     /// A monitoring address does not tell.
     #[error("the monitoring address {address}: {reason}")]
-    Monitoring {
-        /// The address.
-        address: String,
-        /// What is wrong.
-        reason: String,
-    },
+    Monitoring { address: String, reason: String },
     /// Nothing tells whether NATS syncs.
     #[error(
         "whether NATS syncs before it acknowledges is told by the monitoring addresses of its servers: \
@@ -81,18 +72,10 @@ pub enum ReplicationError {
         "NATS server {server:?} acknowledges before it syncs: set `sync_interval: always` in its \
          `jetstream` block, or accept unsynced replicas by name"
     )]
-    Unsynced {
-        /// Its name.
-        server: String,
-    },
+    Unsynced { server: String },
     /// There are more NATS servers than monitoring addresses.
     #[error("{servers} NATS servers keep streams, and the monitoring addresses tell of {asked}")]
-    Unmonitored {
-        /// How many were asked.
-        asked: usize,
-        /// How many there are.
-        servers: usize,
-    },
+    Unmonitored { asked: usize, servers: usize },
 }
 
 impl ReplicationError {

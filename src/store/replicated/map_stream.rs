@@ -30,10 +30,7 @@ pub(super) enum PutError {
     /// Another server took the map over, or the map is gone.
     Fenced,
     /// It may be there or not: the same message can be put again.
-    Unknown {
-        /// What NATS answered.
-        cause: String,
-    },
+    Unknown { cause: String },
 }
 
 /// The stream of one map.
