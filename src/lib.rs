@@ -7,6 +7,7 @@
 //! | module | role |
 //! |---|---|
 //! | [`meter`] | counters, gauges and histograms as plain atomics |
+//! | `sync` | a mutex without poisoning |
 //! | [`map`] | the map and its invariants; no async, no wire |
 //! | [`place`] | place recognition: an index over the keyframes' descriptors |
 //! | [`loop_closing`] | which candidates for the place of a view are that place |
@@ -33,6 +34,7 @@ pub mod service;
 #[cfg(test)]
 mod simulation;
 pub mod store;
+mod sync;
 
 pub use covis_client as client;
 pub(crate) use covis_client::decoding;

@@ -1,11 +1,13 @@
 //! Limits how often one thing is logged, so that a flood does not fill a disk. It writes nothing
 //! itself; the caller writes the lines.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::runtime::Handle;
 use tokio::time::Instant;
+
+use crate::sync::Mutex;
 
 /// Lines of one minute that are written one by one.
 const LINES: u32 = 10;
@@ -27,7 +29,7 @@ impl LogLimit {
     /// Calls `line` if it may be written now; otherwise counts it, and calls `summary` with the
     /// count when the minute is over.
     pub(super) fn log(&self, line: impl FnOnce(), summary: impl FnOnce(u64) + Send + 'static) {
-        let mut period = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut period = self.0.lock();
         let now = Instant::now();
         let begin = period.begin.filter(|begin| now.duration_since(*begin) < PERIOD);
         if begin.is_none() && period.left_out == 0 {
@@ -55,7 +57,7 @@ impl LogLimit {
 
     /// Ends the minute; returns how many lines were left out.
     fn end(&self) -> u64 {
-        let mut period = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut period = self.0.lock();
         std::mem::take(&mut *period).left_out
     }
 }

@@ -4,7 +4,7 @@
 //! deadline stops it early enough to answer with the best state so far. No mathematics here: the solves
 //! are in `covis-solvers`.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
 use covis_solvers::price::Ceiling;
@@ -26,6 +26,7 @@ use super::engine::{
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, localize, refine};
 use crate::map::Reason;
+use crate::sync::Mutex;
 use crate::wire::v1;
 use v1::optimization_service_server::OptimizationService;
 use v1::optimize_map_response::Event;
@@ -48,8 +49,7 @@ impl Rpcs {
         let meters = self.context.maps.meters();
         let (queued, span) = (meters.request_solve(), tracing::debug_span!("solve"));
         let held = Arc::new(Mutex::new(Some(work)));
-        let take =
-            |held: &Mutex<Option<_>>| held.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let take = |held: &Mutex<Option<_>>| held.lock().take();
         let offered = Arc::clone(&held);
         let work = move || {
             let _entered = span.entered();

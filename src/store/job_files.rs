@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, Write};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use covis_solvers::bundle_adjustment::Checkpoint;
 
@@ -16,6 +16,7 @@ use super::encoding::{
     encode_checkpoint, encode_job, encode_upload,
 };
 use super::files::JobFolders;
+use crate::sync::Mutex;
 
 /// Names the files of a job or of an upload, independent of what clients call it.
 pub type JobUid = [u8; 16];
@@ -253,7 +254,7 @@ impl JobFiles {
                     passes: false,
                 })?;
                 let size = bytes.len() as u64;
-                lock(files).insert((*uid, file), bytes.into());
+                files.lock().insert((*uid, file), bytes.into());
                 Ok(size)
             }
         }
@@ -273,7 +274,8 @@ impl JobFiles {
         match &self.0 {
             Place::Disk(folders) => folders.read(uid, file, read),
             Place::Memory(files) => {
-                let bytes = lock(files).get(&(*uid, file)).cloned().ok_or(JobFileError::Missing)?;
+                let bytes =
+                    files.lock().get(&(*uid, file)).cloned().ok_or(JobFileError::Missing)?;
                 read(&mut &bytes[..]).map_err(|error| JobFileError::Damaged {
                     file: "a file of a job".to_owned(),
                     reason: error.to_string(),
@@ -290,7 +292,7 @@ impl JobFiles {
         match &self.0 {
             Place::Disk(folders) => folders.retain(uid, keep),
             Place::Memory(files) => {
-                lock(files).retain(|(other, file), _| other != uid || keep(*file));
+                files.lock().retain(|(other, file), _| other != uid || keep(*file));
                 Ok(())
             }
         }
@@ -304,7 +306,7 @@ impl JobFiles {
         match &self.0 {
             Place::Disk(folders) => folders.remove(uid),
             Place::Memory(files) => {
-                lock(files).retain(|(other, _), _| other != uid);
+                files.lock().retain(|(other, _), _| other != uid);
                 Ok(())
             }
         }
@@ -314,8 +316,4 @@ impl JobFiles {
 fn unreadable(uid: &JobUid, error: &EncodingError) -> JobFileError {
     let folder: String = uid.iter().map(|byte| format!("{byte:02x}")).collect();
     JobFileError::Damaged { file: format!("jobs/{folder}"), reason: error.to_string() }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

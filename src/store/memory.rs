@@ -1,10 +1,10 @@
 //! The store in memory: every rule of [`Store`], nothing durable.
 //!
-//! One lock guards all maps and is never held across an await. A poisoned lock is taken over: each
-//! call changes the state in one step, so a panic elsewhere leaves no half of one.
+//! One lock guards all maps and is never held across an await. Each call changes the state in one step,
+//! so that a panic leaves no half of one.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use async_trait::async_trait;
 use tokio::sync::watch;
@@ -15,6 +15,7 @@ use super::{
     sequence_of,
 };
 use crate::map::{Event, Map};
+use crate::sync::Mutex;
 
 /// A store that a restart empties.
 #[derive(Debug, Default)]
@@ -70,13 +71,9 @@ impl MemoryStore {
     }
 
     fn next_epoch(&self) -> Epoch {
-        let mut last = self.last_epoch.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.last_epoch.lock();
         *last += 1;
         Epoch(*last)
-    }
-
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Journal>> {
-        lock(&self.maps)
     }
 
     fn with<R>(
@@ -84,15 +81,11 @@ impl MemoryStore {
         map: &str,
         action: impl FnOnce(&mut Journal) -> Result<R, StoreError>,
     ) -> Result<R, StoreError> {
-        match self.lock().get_mut(map) {
+        match self.maps.lock().get_mut(map) {
             Some(journal) => action(journal),
             None => Err(StoreError::UnknownMap { map: map.to_owned() }),
         }
     }
-}
-
-fn lock(maps: &Maps) -> MutexGuard<'_, BTreeMap<String, Journal>> {
-    maps.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Reads a journal while it grows.
@@ -109,7 +102,7 @@ impl EventReader for Reader {
     async fn next(&mut self) -> Result<Piece, StoreError> {
         let map = || self.map.clone();
         let left = usize::try_from(self.through.saturating_sub(self.at)).unwrap_or(usize::MAX);
-        let maps = lock(&self.maps);
+        let maps = self.maps.lock();
         let journal = maps.get(&self.map).ok_or_else(|| StoreError::UnknownMap { map: map() })?;
         let events: Vec<_> =
             journal.after(self.at, map)?.take(left.min(PIECE_EVENTS)).cloned().collect();
@@ -122,12 +115,12 @@ impl EventReader for Reader {
 #[async_trait]
 impl Store for MemoryStore {
     async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
-        Ok(self.lock().keys().cloned().collect())
+        Ok(self.maps.lock().keys().cloned().collect())
     }
 
     async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
         let epoch = self.next_epoch();
-        let mut maps = self.lock();
+        let mut maps = self.maps.lock();
         if maps.contains_key(map) {
             return Err(StoreError::MapExists { map: map.to_owned() });
         }
@@ -138,7 +131,7 @@ impl Store for MemoryStore {
 
     async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
         let epoch = self.next_epoch();
-        let mut maps = self.lock();
+        let mut maps = self.maps.lock();
         if maps.contains_key(map) {
             return Err(StoreError::MapExists { map: map.to_owned() });
         }
@@ -149,7 +142,7 @@ impl Store for MemoryStore {
     }
 
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
-        match self.lock().remove(map) {
+        match self.maps.lock().remove(map) {
             Some(_) => Ok(()),
             None => Err(StoreError::UnknownMap { map: map.to_owned() }),
         }

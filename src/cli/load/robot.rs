@@ -5,7 +5,7 @@
 //! `load` are made of this. Must not know maps or print.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use covis_solvers::geometry::Se3;
@@ -14,6 +14,7 @@ use tokio::sync::watch;
 
 use crate::client::{Client, ClientError, IngestReport, SessionOptions};
 use crate::frontend::mapping::messages::{landmark_ref, rigid, timestamp, vector2, vector3};
+use crate::sync::Mutex;
 use crate::wire::v1;
 
 /// What a robot measured of a landmark.
@@ -184,7 +185,7 @@ pub async fn drive(
 ) -> Result<(Waits, IngestReport), ClientError> {
     let waits = Arc::new(Mutex::new(Waits::default()));
     let seen = Arc::clone(&waits);
-    let options = SessionOptions::default().on_ack(move |ack| lock(&seen).take(ack));
+    let options = SessionOptions::default().on_ack(move |ack| seen.lock().take(ack));
     let mut session = client.ingest(map, "robot", options).await?;
     let is_durable = session.opened().durability() != v1::Durability::InMemory;
     session.send(camera).await?;
@@ -195,28 +196,24 @@ pub async fn drive(
             () = tokio::time::sleep_until(due) => {}
             _ = schedule.stop.wait_for(|stop| *stop) => {
                 let report = session.report();
-                return Ok((std::mem::take(&mut *lock(&waits)), report));
+                return Ok((std::mem::take(&mut *waits.lock()), report));
             }
         }
         let sequence = session.next_sequence();
         {
-            let mut waits = lock(&waits);
+            let mut waits = waits.lock();
             waits.observations += keyframe.observations.len();
             waits.sent += 1;
             waits.send(sequence, is_durable);
         }
         session.send_as(sequence, keyframe).await?;
         if due.elapsed() > schedule.period {
-            lock(&waits).late += 1;
+            waits.lock().late += 1;
         }
     }
     let report = tokio::select! {
         report = session.finish() => report?,
         _ = schedule.stop.wait_for(|stop| *stop) => IngestReport::default(),
     };
-    Ok((std::mem::take(&mut *lock(&waits)), report))
-}
-
-fn lock(waits: &Mutex<Waits>) -> MutexGuard<'_, Waits> {
-    waits.lock().unwrap_or_else(PoisonError::into_inner)
+    Ok((std::mem::take(&mut *waits.lock()), report))
 }

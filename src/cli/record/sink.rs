@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 
 use fs_err as fs;
 use mcap::records::MessageHeader;
@@ -18,6 +17,7 @@ use prost::{Message, Name};
 
 use super::schemas::{figures, foxglove};
 use crate::cli::output::ClosedPipe;
+use crate::sync::Mutex;
 
 /// How MCAP names protobuf, as encoding of messages and of schemas.
 const PROTOBUF: &str = "protobuf";
@@ -73,7 +73,7 @@ impl Sink {
         time_ns: u64,
         message: &M,
     ) -> anyhow::Result<()> {
-        let open = &mut *self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        let open = &mut *self.open.lock();
         let channel = match open.channels.get_mut(topic) {
             Some(channel) => channel,
             None => {
@@ -94,13 +94,13 @@ impl Sink {
 
     /// Ends the chunk that is being written: what came so far can be read from now on.
     pub(super) fn flush(&self) -> anyhow::Result<()> {
-        let open = &mut *self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        let open = &mut *self.open.lock();
         open.writer.flush().map_err(failed)
     }
 
     /// Writes index and footer; nothing may follow. Returns how many messages there are.
     pub(super) fn finish(&self) -> anyhow::Result<u64> {
-        let open = &mut *self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        let open = &mut *self.open.lock();
         open.writer.finish().map_err(failed)?;
         Ok(open.messages)
     }

@@ -11,7 +11,7 @@ mod recording;
 mod report;
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
@@ -27,6 +27,7 @@ use crate::client::{
     Client, ClientError, IngestReport, Item, RetryPolicy, SessionOptions, SpillOptions,
     describe_violation,
 };
+use crate::sync::Mutex;
 use crate::wire::v1;
 use levels::Levels;
 use recording::{Items, Recording};
@@ -122,7 +123,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
         outcome = work => outcome,
         signal = signals.next() => Err(anyhow!("{signal}")),
     };
-    let levels = lock(&levels).clone();
+    let levels = levels.lock().clone();
     let (report, result) = match outcome {
         Ok(done) => done,
         Err(error) => {
@@ -215,11 +216,11 @@ async fn stream(
     let options = {
         let (progress, levels) = (Arc::clone(&progress), Arc::clone(levels));
         options.on_ack(move |ack| {
-            let mut levels = lock(&levels);
+            let mut levels = levels.lock();
             let before = levels.keyframes().received;
             levels.take(ack);
             let more = levels.keyframes().received.saturating_sub(before);
-            lock(&progress).advance(more as u64);
+            progress.lock().advance(more as u64);
         })
     };
     let mut session = client.ingest(target.map_id, target.client_id, options).await?;
@@ -238,7 +239,7 @@ async fn stream(
         }
         for item in items.of_keyframe(index) {
             sequence += 1;
-            lock(levels).send(sequence, matches!(item, Item::Keyframe(_)));
+            levels.lock().send(sequence, matches!(item, Item::Keyframe(_)));
             if sequence > left {
                 session.send_as(sequence, item).await?;
             }
@@ -246,13 +247,9 @@ async fn stream(
     }
     let report = session.finish().await?;
     if let Ok(progress) = Arc::try_unwrap(progress).map(Mutex::into_inner) {
-        progress.unwrap_or_else(PoisonError::into_inner).finish();
+        progress.finish();
     }
     Ok(report)
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Optimizes the whole map.

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-/// Ceilings of connections.
+/// Limits of connections.
 ///
 /// A connection is a stranger until it makes a call that the guard admits. A stranger costs some 100
 /// KiB at most, any other up to the 8 MiB of the HTTP/2 window that its streams share.

@@ -3,7 +3,7 @@
 
 use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -15,6 +15,7 @@ use tonic::body::Body;
 use super::Connections;
 use super::messages::Arriving;
 use crate::service::error::ServiceError;
+use crate::sync::Mutex;
 
 /// The stage of a connection's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,7 +94,7 @@ impl Link {
 
     /// Since when there is no call; `None` while there is one.
     pub(super) fn idle_since(&self) -> Option<Instant> {
-        let calls = self.calls.lock().unwrap_or_else(PoisonError::into_inner);
+        let calls = self.calls.lock();
         (calls.open == 0).then_some(calls.idle_since)
     }
 
@@ -103,7 +104,7 @@ impl Link {
     }
 
     fn count(&self, change: impl FnOnce(&mut usize)) {
-        let mut calls = self.calls.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut calls = self.calls.lock();
         change(&mut calls.open);
         calls.idle_since = Instant::now();
     }

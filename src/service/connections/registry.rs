@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, SocketAddr};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use tokio::sync::Semaphore;
 
@@ -11,6 +11,7 @@ use super::limits::ConnectionLimits;
 use super::link::Link;
 use crate::meter::Counter;
 use crate::service::error::ServiceError;
+use crate::sync::Mutex;
 
 /// The connections of a server.
 #[derive(Debug)]
@@ -81,13 +82,13 @@ impl Connections {
 
     /// Strangers, and the other connections.
     pub(in crate::service) fn counts(&self) -> (usize, usize) {
-        let table = self.table();
+        let table = self.table.lock();
         (table.strangers.len(), table.known.len())
     }
 
     /// A place for a new connection; if none is free, another stranger loses its place.
     pub(in crate::service) fn enter(self: &Arc<Self>, peer: SocketAddr) -> Place {
-        let mut table = self.table();
+        let mut table = self.table.lock();
         while table.strangers.len() >= self.limits.max_strangers {
             let Some(link) = table.displaced().and_then(|id| table.strangers.remove(&id)) else {
                 break;
@@ -104,7 +105,7 @@ impl Connections {
 
     /// Moves a stranger to the known connections.
     pub(super) fn admit(&self, link: &Link) -> Result<(), ServiceError> {
-        let mut table = self.table();
+        let mut table = self.table.lock();
         // Another call of the connection may have been faster, or a newer stranger.
         let Some(stranger) = table.strangers.remove(&link.id) else { return Ok(()) };
         if table.known.len() >= self.limits.max_known() {
@@ -125,13 +126,9 @@ impl Connections {
     }
 
     fn leave(&self, id: u64) {
-        let mut table = self.table();
+        let mut table = self.table.lock();
         table.strangers.remove(&id);
         table.known.remove(&id);
-    }
-
-    fn table(&self) -> MutexGuard<'_, Table> {
-        self.table.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -5,7 +5,7 @@
 
 use std::fmt;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, MutexGuard, OnceLock};
 
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::IterationSummary;
@@ -27,6 +27,7 @@ use super::{
 use crate::loop_closing::{Located, View, locate};
 use crate::map::{GraphPairs, GraphProblem, Map, PlaceCandidate, RequestId, measured_graph};
 use crate::store::{Durability, Flushed, Store, StoreError};
+use crate::sync::Mutex;
 
 /// Whether a map accepts changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,7 +92,7 @@ pub(super) struct Shared {
 
 impl Shared {
     pub(super) fn condition(&self) -> MutexGuard<'_, Condition> {
-        self.condition.lock().unwrap_or_else(PoisonError::into_inner)
+        self.condition.lock()
     }
 
     pub(super) fn state(&self) -> MapState {
@@ -214,8 +215,8 @@ impl MapHandle {
     ///
     /// # Errors
     /// [`EngineError::EpochFenced`] when `epoch` is not newer than the client's newest,
-    /// [`EngineError::TooLarge`] when no epoch could follow it, [`EngineError::Ceiling`],
-    /// [`EngineError::TenantCeiling`] and [`EngineError::ServerCeiling`] when there is no room for the
+    /// [`EngineError::TooLarge`] when no epoch could follow it, [`EngineError::MapLimit`],
+    /// [`EngineError::TenantLimit`] and [`EngineError::ServerLimit`] when there is no room for the
     /// stream or its client, [`EngineError::Poisoned`], and as [`MapHandle::info`].
     pub async fn open_stream(
         &self,

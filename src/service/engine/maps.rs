@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use tokio::sync::{Semaphore, watch};
@@ -27,6 +27,7 @@ use super::{
 };
 use crate::map::{Change, Event, Map, MapPolicy};
 use crate::store::{Durability, Epoch, Store, StoreError};
+use crate::sync::Mutex;
 
 /// All maps of a server. Cheap to clone.
 #[derive(Clone)]
@@ -104,7 +105,7 @@ impl Maps {
     /// Creates a map. Dropping the future does not undo or stop a creation that has begun.
     ///
     /// # Errors
-    /// [`EngineError::MapExists`], [`EngineError::TenantCeiling`], [`EngineError::ServerCeiling`],
+    /// [`EngineError::MapExists`], [`EngineError::TenantLimit`], [`EngineError::ServerLimit`],
     /// [`EngineError::ShuttingDown`], [`EngineError::Store`].
     pub async fn create(
         &self,
@@ -346,19 +347,19 @@ struct Entry {
 impl Table {
     /// The map called `name`; a map that is being deleted is found until its deletion has ended.
     pub(super) fn get(&self, name: &str) -> Option<MapHandle> {
-        self.lock().get(name).and_then(|entry| entry.map.clone())
+        self.0.lock().get(name).and_then(|entry| entry.map.clone())
     }
 
     /// The maps by name, each once.
     pub(super) fn list(&self) -> Vec<MapHandle> {
-        let maps = self.lock();
+        let maps = self.0.lock();
         let maps = maps.values().filter_map(|entry| entry.map.clone());
         maps.filter(|map| map.merged.is_none()).collect()
     }
 
     /// Names that lead to one map lead to another one.
     pub(super) fn redirect(&self, from: &MapHandle, to: &MapHandle) {
-        let mut entries = self.lock();
+        let mut entries = self.0.lock();
         let leading = entries.values_mut().filter_map(|entry| entry.map.as_mut());
         for map in leading.filter(|map| map.merged.is_some() && map.is_same_map(from)) {
             *map = map.redirected(to);
@@ -367,7 +368,7 @@ impl Table {
 
     /// A map is deleted: names that lead to it are free.
     fn forget_merged(&self, map: &MapHandle) {
-        self.lock().retain(|_, entry| {
+        self.0.lock().retain(|_, entry| {
             entry.map.take_if(|other| other.merged.is_some() && other.is_same_map(map));
             entry.map.is_some() || entry.change.is_some()
         });
@@ -375,7 +376,7 @@ impl Table {
 
     /// An engine has ended by itself: its name is free for the next one.
     pub(super) fn forget_ended(&self, ended: &Weak<Shared>) {
-        self.lock().retain(|_, entry| {
+        self.0.lock().retain(|_, entry| {
             entry.map.take_if(|map| std::ptr::eq(Arc::as_ptr(&map.shared), ended.as_ptr()));
             entry.map.is_some() || entry.change.is_some()
         });
@@ -383,7 +384,7 @@ impl Table {
 
     /// Adds a map that was found in the store.
     pub(super) fn insert(&self, map: MapHandle) {
-        self.lock().insert(map.name().to_owned(), Entry { map: Some(map), change: None });
+        self.0.lock().insert(map.name().to_owned(), Entry { map: Some(map), change: None });
     }
 
     /// Claims a name for a change, once no other change of it runs.
@@ -400,7 +401,7 @@ impl Table {
 
     /// Claims a name, or returns a receiver that closes when the running change has ended.
     fn try_claim(&self, name: &str) -> Result<Claim, watch::Receiver<()>> {
-        let mut entries = self.lock();
+        let mut entries = self.0.lock();
         let map = match entries.get(name) {
             Some(Entry { change: Some(running), .. }) => return Err(running.clone()),
             Some(Entry { map, .. }) => map.clone(),
@@ -415,14 +416,10 @@ impl Table {
     /// Resolves when no name is being changed.
     pub(super) async fn idle(&self) {
         loop {
-            let running = self.lock().values().find_map(|entry| entry.change.clone());
+            let running = self.0.lock().values().find_map(|entry| entry.change.clone());
             let Some(mut running) = running else { return };
             let _ended = running.changed().await;
         }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Entry>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -456,7 +453,7 @@ impl Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        let mut entries = self.table.lock();
+        let mut entries = self.table.0.lock();
         let Some(entry) = entries.get_mut(&self.name) else { return };
         entry.change = None;
         if let Some(map) = self.set.take() {

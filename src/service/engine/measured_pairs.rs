@@ -7,7 +7,7 @@
 //! of its solve. It is shared by the solves and the exports of one map and uses nothing of the engine.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::MutexGuard;
 
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::relative_motion::RelativeMotion;
@@ -17,6 +17,7 @@ use crate::map::{
     Change, ClientIndex, EntityId, GraphPairs, Map, Observation, PairInput, later_observers,
     near_pairs, pair_input,
 };
+use crate::sync::Mutex;
 
 type Pair = (EntityId, EntityId);
 
@@ -172,7 +173,7 @@ impl Unmeasured {
 impl MeasuredPairs {
     fn known(&self) -> MutexGuard<'_, Known> {
         // An entry is inserted whole or not at all.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 
     /// Takes in what the next change of the map, which makes `revision`, does to measurements; `map` is

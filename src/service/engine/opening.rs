@@ -6,7 +6,7 @@
 //! maps. Nothing is repaired here: that is done by the store, or by `covis doctor`.
 
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
@@ -26,6 +26,7 @@ use super::watching::Watching;
 use super::{EngineError, MapHandle, Maps, Reservation, Resource, tenant_of};
 use crate::map::Map;
 use crate::store::{self, Epoch, Flushed, StoreError};
+use crate::sync::Mutex;
 
 /// Most control messages that wait; the engine answers them at once.
 const CONTROL_QUEUE: usize = 64;

@@ -7,13 +7,14 @@
 //! on what the event touches, and a watcher that does not read costs nothing.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use tokio::sync::watch;
 
 use super::touched::Touched;
 use super::watch::most_touched;
 use crate::map::Map;
+use crate::sync::Mutex;
 
 /// Most ids that are kept for watchers that have not read them; the newest entry is always kept.
 const MOST_IDS: usize = 1 << 16;
@@ -71,12 +72,12 @@ struct Entries {
 impl WatchLog {
     /// Whether the log has a reader.
     fn is_read(&self) -> bool {
-        !self.lock().readers.is_empty()
+        !self.0.lock().readers.is_empty()
     }
 
     /// Adds what the event of `revision` touches; a watcher now keeps up to `most` ids.
     fn push(&self, revision: i64, touched: Touched, most: usize) {
-        let mut entries = self.lock();
+        let mut entries = self.0.lock();
         entries.most = most;
         let gone = entries.push(revision, Arc::new(touched));
         drop(entries);
@@ -86,17 +87,13 @@ impl WatchLog {
 
     /// Adds a reader that starts after `revision`, which is the map's.
     fn reader(&self, revision: i64) -> LogReader {
-        let mut entries = self.lock();
+        let mut entries = self.0.lock();
         if entries.readers.is_empty() {
             entries.newest = revision;
         }
         *entries.readers.entry(revision).or_default() += 1;
         drop(entries);
         LogReader { log: self.clone(), at: revision }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Entries> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -174,7 +171,7 @@ impl LogReader {
 
     /// Takes some of the next entries, up to that of revision `through`.
     pub(super) fn take(&mut self, through: i64) -> Taken {
-        let mut entries = self.log.lock();
+        let mut entries = self.log.0.lock();
         let through = through.min(entries.newest);
         if self.at >= through {
             return Taken::Nothing;
@@ -200,7 +197,7 @@ impl LogReader {
 
 impl Drop for LogReader {
     fn drop(&mut self) {
-        let _gone = self.log.lock().read(self.at, None);
+        let _gone = self.log.0.lock().read(self.at, None);
     }
 }
 
@@ -217,7 +214,7 @@ mod tests {
 
     /// Entries and ids that are kept.
     fn kept(log: &WatchLog) -> (usize, usize) {
-        let entries = log.lock();
+        let entries = log.0.lock();
         (entries.touched.len(), entries.ids)
     }
 

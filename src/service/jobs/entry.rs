@@ -5,7 +5,7 @@
 //! has [`Entry::exclusive`].
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 
 use prost::Message;
 use tokio::sync::watch;
@@ -14,6 +14,7 @@ use super::JobError;
 use crate::service::convert::time::timestamp;
 use crate::service::engine::{Cancellation, Reservation};
 use crate::store::{JobFiles, JobRecord, JobUid, JobUpload};
+use crate::sync::Mutex;
 use crate::wire::v1;
 use v1::JobState;
 
@@ -146,12 +147,12 @@ impl Entry {
 
     /// What is finished of its work.
     pub(super) fn done(&self) -> v1::JobResult {
-        lock(&self.done).clone()
+        self.done.lock().clone()
     }
 
     /// Bytes that its files hold of the account.
     pub(super) fn held(&self) -> MutexGuard<'_, Held> {
-        lock(&self.held)
+        self.held.lock()
     }
 
     /// Writes the job as `change` makes it, then shows it. The caller has [`Entry::exclusive`].
@@ -166,7 +167,7 @@ impl Entry {
         let (mut job, mut done) = (self.job(), self.done());
         change(&mut job, &mut done);
         self.write(files, &job, &done).await?;
-        *lock(&self.done) = done;
+        *self.done.lock() = done;
         let has_ended = is_ended(job.state());
         self.shown.send_modify(|shown| {
             // Progress that was reported meanwhile stays.
@@ -238,8 +239,4 @@ pub(super) async fn on_disk<T: Send + 'static>(
         tracing::error!(%error, "work on files of a job did not end");
         Err(JobError::Failed { cause: "the work on them did not end".to_owned() })
     })
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

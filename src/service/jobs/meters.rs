@@ -1,10 +1,10 @@
 //! What is counted of jobs: atomics that the jobs write and `telemetry` reads. No names of metrics here.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::spec::KINDS;
 use crate::meter::Histogram;
+use crate::sync::Mutex;
 use crate::wire::v1::JobState;
 
 /// Instruments of jobs.
@@ -31,16 +31,12 @@ impl Default for JobMeters {
 impl JobMeters {
     /// Counts a job that has ended.
     pub(super) fn ended(&self, kind: &'static str, state: JobState) {
-        *self.lock().entry((kind, name(state))).or_default() += 1;
+        *self.ended.lock().entry((kind, name(state))).or_default() += 1;
     }
 
     /// Jobs that ended: kind, state, count.
     pub(in crate::service) fn rows(&self) -> Vec<(&'static str, &'static str, u64)> {
-        self.lock().iter().map(|(&(kind, state), &count)| (kind, state, count)).collect()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<(&'static str, &'static str), u64>> {
-        self.ended.lock().unwrap_or_else(PoisonError::into_inner)
+        self.ended.lock().iter().map(|(&(kind, state), &count)| (kind, state, count)).collect()
     }
 }
 

@@ -44,8 +44,8 @@ mod uploads;
 mod worker;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::{Notify, Semaphore};
@@ -58,6 +58,7 @@ use super::engine::{Accounts, FairQueue, Resource};
 use super::error::ServiceError;
 use super::random::random_uid;
 use crate::store::{JobFile, JobFiles, JobUid, TaskQueue};
+use crate::sync::Mutex;
 use crate::wire::v1;
 use entry::{Entry, Held, JOB_BYTES, JobKey};
 use uploads::Waiting;
@@ -158,10 +159,6 @@ impl Jobs {
         }
     }
 
-    fn table(&self) -> MutexGuard<'_, Table> {
-        self.table.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Nanoseconds since 1970 by the server's clock.
     fn now_ns(&self) -> i64 {
         self.clock.now_ns()
@@ -170,7 +167,7 @@ impl Jobs {
     /// How many jobs wait, run, and have ended.
     pub(super) fn counts(&self) -> [u64; 3] {
         let mut counts = [0; 3];
-        for entry in self.table().jobs.values() {
+        for entry in self.table.lock().jobs.values() {
             let place = match entry.state() {
                 JobState::Unspecified | JobState::Pending => 0,
                 JobState::Running => 1,
@@ -182,7 +179,7 @@ impl Jobs {
     }
 
     fn find(&self, key: &JobKey) -> Option<Arc<Entry>> {
-        self.table().jobs.get(key).cloned()
+        self.table.lock().jobs.get(key).cloned()
     }
 
     fn get_entry(&self, caller: &Caller, job_id: &str) -> Result<Arc<Entry>, JobError> {
@@ -213,7 +210,7 @@ impl Jobs {
     /// The jobs of the caller's tenant that fit, the newest first, each with its number.
     pub(super) fn list(&self, caller: &Caller, list: &JobList<'_>) -> Vec<(i64, v1::Job)> {
         let mut entries: Vec<Arc<Entry>> = {
-            let table = self.table();
+            let table = self.table.lock();
             let from = (caller.tenant().to_owned(), String::new());
             let of_tenant = table.jobs.range(from..).map(|(_, entry)| entry);
             let of_tenant = of_tenant.take_while(|entry| entry.key.0 == caller.tenant());
@@ -279,7 +276,7 @@ impl Jobs {
                 ..v1::Job::default()
             };
             let number = {
-                let mut table = jobs.table();
+                let mut table = jobs.table.lock();
                 table.last_number += 1;
                 table.last_number
             };
@@ -314,7 +311,7 @@ impl Jobs {
     /// The job that is there under this name, if it has this spec.
     fn same(&self, key: &JobKey, spec: &v1::JobSpec) -> Result<Option<v1::Job>, JobError> {
         let exists = || JobError::Exists { job: key.1.clone() };
-        let table = self.table();
+        let table = self.table.lock();
         match table.jobs.get(key) {
             Some(entry) if entry.spec == *spec => Ok(Some(entry.job())),
             Some(_) => Err(exists()),
@@ -325,7 +322,7 @@ impl Jobs {
 
     /// Refuses a job that would change a map which another one changes.
     fn check_free(&self, changes: &[String]) -> Result<(), JobError> {
-        let table = self.table();
+        let table = self.table.lock();
         let mut going = table.jobs.values().filter(|entry| !entry.is_ended());
         let busy = going.find_map(|entry| {
             let map = entry.changes.iter().find(|map| changes.contains(map))?;
@@ -342,7 +339,7 @@ impl Jobs {
 
     /// Adds a job that waits for its turn.
     fn put_pending(&self, entry: Arc<Entry>) {
-        let mut table = self.table();
+        let mut table = self.table.lock();
         table.queue.push(&Arc::from(entry.key.0.as_str()), ());
         table.jobs.insert(entry.key.clone(), entry);
         drop(table);
@@ -461,7 +458,7 @@ impl Jobs {
         }
         let uid = entry.uid;
         entry::on_disk(&self.files, move |files| Ok(files.remove(&uid)?)).await?;
-        self.table().jobs.remove(&entry.key);
+        self.table.lock().jobs.remove(&entry.key);
         Ok(())
     }
 }

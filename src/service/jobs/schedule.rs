@@ -35,7 +35,7 @@ pub(in crate::service) async fn serve(context: Arc<Context>) {
                 let begin = Instant::now();
                 run::run(&context, &entry).await;
                 let took_ns = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
-                context.jobs.table().queue.ended(&turn, took_ns);
+                context.jobs.table.lock().queue.ended(&turn, took_ns);
                 entry
             });
         }
@@ -70,7 +70,7 @@ pub(in crate::service) async fn serve(context: Arc<Context>) {
 impl Jobs {
     /// The next job, if one waits and there is a place for it.
     fn next(&self) -> Option<(Turn, Arc<Entry>)> {
-        let mut table = self.table();
+        let mut table = self.table.lock();
         loop {
             let (turn, ()) = table.queue.next(|_, _, ()| true, |_, ()| true)?;
             let waiting = table
@@ -91,7 +91,7 @@ impl Jobs {
 
     /// When the next job or upload is to be dropped, Unix time in seconds.
     fn next_expiry(&self) -> Option<i64> {
-        let table = self.table();
+        let table = self.table.lock();
         let jobs = table.jobs.values().filter_map(|entry| entry.expires());
         jobs.chain(table.uploads.values().map(Waiting::expires)).min()
     }
@@ -100,7 +100,7 @@ impl Jobs {
     async fn drop_expired(&self) {
         let now = self.clock.now();
         let (jobs, uploads) = {
-            let mut table = self.table();
+            let mut table = self.table.lock();
             let is_due = |entry: &&Arc<Entry>| entry.expires().is_some_and(|time| time <= now);
             let jobs: Vec<_> = table.jobs.values().filter(is_due).cloned().collect();
             let due: Vec<_> = table.uploads.extract_if(.., |_, w| w.expires() <= now).collect();
@@ -142,7 +142,7 @@ impl Jobs {
                     jobs.give_back(Waiting { uid: folder.uid, upload, _held: held });
                 }
                 Found::Taken(key) => {
-                    jobs.table().taken.insert(key);
+                    jobs.table.lock().taken.insert(key);
                 }
                 Found::Nothing => {}
             }
@@ -166,7 +166,7 @@ impl Jobs {
 
     /// Adds a job that was found; returns another one of that name.
     fn insert(&self, entry: &Arc<Entry>) -> Option<Arc<Entry>> {
-        let mut table = self.table();
+        let mut table = self.table.lock();
         table.last_number = table.last_number.max(entry.number);
         table.jobs.insert(entry.key.clone(), Arc::clone(entry))
     }

@@ -205,7 +205,7 @@ impl Jobs {
     /// # Errors
     /// [`JobError::UploadNotFound`].
     pub(super) fn check_upload(&self, tenant: &str, id: &str) -> Result<(), JobError> {
-        let is_there = self.find_upload(&self.table(), tenant, id).is_some();
+        let is_there = self.find_upload(&self.table.lock(), tenant, id).is_some();
         is_there.then_some(()).ok_or_else(|| JobError::UploadNotFound { upload: id.to_owned() })
     }
 
@@ -224,7 +224,7 @@ impl Jobs {
     /// # Errors
     /// [`JobError::UploadNotFound`].
     pub(super) fn take_upload(&self, tenant: &str, id: &str) -> Result<Waiting, JobError> {
-        let mut table = self.table();
+        let mut table = self.table.lock();
         let uid = self.find_upload(&table, tenant, id);
         let taken = uid.and_then(|uid| table.uploads.remove(&uid));
         taken.ok_or_else(|| JobError::UploadNotFound { upload: id.to_owned() })
@@ -232,7 +232,7 @@ impl Jobs {
 
     /// Keeps an upload for a job to come.
     pub(super) fn give_back(&self, waiting: Waiting) {
-        self.table().uploads.insert(waiting.uid, waiting);
+        self.table.lock().uploads.insert(waiting.uid, waiting);
         self.wake.notify_one();
     }
 }

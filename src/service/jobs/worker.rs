@@ -6,7 +6,7 @@
 //! result is refused.
 
 use std::future::Future;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use covis_solvers::bundle_adjustment::Checkpoint;
 use prost::Message;
@@ -20,6 +20,7 @@ use crate::service::engine::{Accounts, Cancellation, EngineMeters, SolverPool};
 use crate::service::error::ServiceError;
 use crate::service::server::ServerError;
 use crate::store::{ReplicationOptions, Taken, TaskError, WorkerLink};
+use crate::sync::Mutex;
 use crate::wire::v1;
 
 /// How many workers may end while they have a task before it counts as failed: it is likely what ends
@@ -104,7 +105,7 @@ impl Worker {
         let beating = async {
             loop {
                 tokio::time::sleep(self.link.period()).await;
-                let told = lock(&progress).encode_to_vec();
+                let told = progress.lock().encode_to_vec();
                 match taken.beat(told).await {
                     Ok(true) => {}
                     Ok(false) => return,
@@ -113,7 +114,7 @@ impl Worker {
             }
         };
         let shown = Arc::clone(&progress);
-        let tell: Tell = Arc::new(move |change| change(&mut lock(&shown)));
+        let tell: Tell = Arc::new(move |change| change(&mut shown.lock()));
         let result = tokio::select! {
             biased;
             () = beating => {
@@ -202,8 +203,4 @@ impl Place for InQueue {
         let kept = self.runtime.block_on(self.taken.keep_checkpoint(checkpoint));
         kept.map_err(|error| error.to_string())
     }
-}
-
-fn lock(progress: &Mutex<v1::JobProgress>) -> std::sync::MutexGuard<'_, v1::JobProgress> {
-    progress.lock().unwrap_or_else(PoisonError::into_inner)
 }

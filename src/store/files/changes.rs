@@ -38,7 +38,7 @@ impl FileStore {
             Ok((epoch, changing))
         });
         let (epoch, _changing) = created.await.map_err(|error| of_map(map, error))?;
-        if let Some(entry) = self.inner.maps().get_mut(map)
+        if let Some(entry) = self.inner.maps.lock().get_mut(map)
             && let Entry::Unclaimed(journal) = entry
         {
             *entry = Entry::Map(Arc::clone(journal));
@@ -53,7 +53,7 @@ impl FileStore {
         let deleted = blocking(&*self.inner.disk, move || {
             let _changing = changing;
             journal.delete()?;
-            inner.maps().remove(&name);
+            inner.maps.lock().remove(&name);
             Ok(())
         });
         deleted.await.map_err(|error| of_map(map, error))
@@ -94,7 +94,7 @@ impl FileStore {
                 }
             };
             journal.move_to(&to, "cannot set aside", "its files were set aside")?;
-            inner.maps().remove(&name);
+            inner.maps.lock().remove(&name);
             Ok(to)
         });
         moved.await.map_err(|error| of_map(map, error))
@@ -109,7 +109,7 @@ impl Inner {
         uid: Option<Uid>,
         snapshot: Option<&Map>,
     ) -> Result<Epoch, StoreError> {
-        let left = match self.maps().get(map) {
+        let left = match self.maps.lock().get(map) {
             None => None,
             Some(Entry::Map(_) | Entry::Refused(_)) => {
                 return Err(StoreError::MapExists { map: map.to_owned() });
@@ -134,7 +134,7 @@ impl Inner {
         };
         if let Some(folder) = left {
             self.remove(&folder)?;
-            self.maps().remove(map);
+            self.maps.lock().remove(map);
         }
         let epoch = self.next_epoch();
         let given = uid.is_some();
@@ -148,7 +148,7 @@ impl Inner {
             // The remaining files have neither an event nor a snapshot, so that the next start does
             // not take them for a map.
             if self.remove(&folder).is_err() {
-                self.maps().insert(map.to_owned(), Entry::Leftover(folder));
+                self.maps.lock().insert(map.to_owned(), Entry::Leftover(folder));
             }
             return Err(error);
         }
@@ -160,7 +160,7 @@ impl Inner {
         let found = load::Found { snapshots, last, durable: last, ..load::Found::default() };
         let _settled = journal.loaded(found);
         journal.state().epoch = epoch;
-        self.maps().insert(map.to_owned(), Entry::Unclaimed(Arc::new(journal)));
+        self.maps.lock().insert(map.to_owned(), Entry::Unclaimed(Arc::new(journal)));
         Ok(epoch)
     }
 

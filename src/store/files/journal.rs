@@ -13,7 +13,7 @@
 use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
@@ -26,6 +26,7 @@ use super::{FileStoreOptions, MARK, file_error, journal_name};
 use crate::map::Event;
 use crate::store::encoding::encode_event;
 use crate::store::{Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of};
+use crate::sync::Mutex;
 
 /// Bytes that may wait for a flush; beyond that, appends wait too.
 const MOST_PENDING: usize = 64 << 20;
@@ -116,11 +117,11 @@ impl Journal {
     }
 
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     fn writer(&self) -> MutexGuard<'_, Writer> {
-        self.writer.lock().unwrap_or_else(PoisonError::into_inner)
+        self.writer.lock()
     }
 
     /// Takes over what was found on disk, and makes it durable if that is not certain. If that must

@@ -56,8 +56,8 @@ pub(super) use self::jobs::JobFolders;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use async_trait::async_trait;
@@ -77,6 +77,7 @@ use super::{
     StoreMeters, sequence_of,
 };
 use crate::map::{Event, Map};
+use crate::sync::Mutex;
 
 /// Sizes of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,7 +139,7 @@ impl FileStore {
             create_root(&RealDisk, &root)?;
             let lock = DirectoryLock::take(&root)?;
             let store = Self::on(Arc::new(RealDisk), root, options)?;
-            *store.inner.lock() = Some(lock);
+            *store.inner.lock.lock() = Some(lock);
             Ok(store)
         })
         .await
@@ -219,17 +220,9 @@ impl FileStore {
 }
 
 impl Inner {
-    fn maps(&self) -> MutexGuard<'_, BTreeMap<String, Entry>> {
-        self.maps.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Option<DirectoryLock>> {
-        self.lock.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// The journal of a map, whether its folder was read or not.
     fn find(&self, map: &str) -> Result<Arc<Journal>, StoreError> {
-        match self.maps().get(map) {
+        match self.maps.lock().get(map) {
             Some(Entry::Map(journal)) => Ok(Arc::clone(journal)),
             Some(Entry::Refused(error)) => Err(error.clone()),
             Some(Entry::Unclaimed(_) | Entry::Leftover(_)) | None => {
@@ -278,7 +271,7 @@ impl Store for FileStore {
     }
 
     async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
-        let maps = self.inner.maps();
+        let maps = self.inner.maps.lock();
         let is_map = |entry: &Entry| matches!(entry, Entry::Map(_) | Entry::Refused(_));
         Ok(maps.iter().filter(|(_, entry)| is_map(entry)).map(|(name, _)| name.clone()).collect())
     }
@@ -436,7 +429,7 @@ async fn close(inner: Arc<Inner>) {
     // Nothing is being created or deleted from here on.
     let _changing = Arc::clone(&inner.changing).lock_owned().await;
     let maps: Vec<Arc<Journal>> = {
-        let maps = inner.maps();
+        let maps = inner.maps.lock();
         maps.values()
             .filter_map(|entry| match entry {
                 Entry::Map(journal) | Entry::Unclaimed(journal) => Some(Arc::clone(journal)),
@@ -458,7 +451,7 @@ async fn close(inner: Arc<Inner>) {
             tracing::warn!(map = journal.name, %error, "a journal was not closed");
         }
     }
-    *inner.lock() = None;
+    *inner.lock.lock() = None;
 }
 
 /// The folder for what no server reads.

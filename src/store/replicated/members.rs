@@ -6,7 +6,7 @@
 //! cannot both write, because the map's stream refuses the one that took it over first.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use async_nats::jetstream::kv;
@@ -16,6 +16,7 @@ use tokio::task::AbortHandle;
 use tokio::time::Instant;
 
 use super::message::Owner;
+use crate::sync::Mutex;
 
 /// Beats in the time of a lease.
 const BEATS: u32 = 4;
@@ -57,7 +58,7 @@ impl Members {
             tokio::spawn(async move { beating.beat().await }).abort_handle(),
             tokio::spawn(async move { watching.watch(&known).await }).abort_handle(),
         ];
-        lock(&members.tasks).extend(tasks);
+        members.tasks.lock().extend(tasks);
         let knows = knows.wait_for(|&known| known);
         match tokio::time::timeout(lease, knows).await {
             Ok(Ok(_)) => Ok(members),
@@ -81,7 +82,7 @@ impl Members {
     /// Whether another server is alive. One that listened where this one listens is gone.
     pub(super) fn is_alive(&self, owner: &Owner) -> bool {
         owner.address != self.me.address
-            && lock(&self.seen).get(&owner.server).is_some_and(|(_, at)| at.elapsed() < self.lease)
+            && self.seen.lock().get(&owner.server).is_some_and(|(_, at)| at.elapsed() < self.lease)
     }
 
     /// Lets go of the lease: others need not wait.
@@ -95,7 +96,7 @@ impl Members {
 
     /// Beats no more: the lease runs out by itself.
     pub(super) fn stop(&self) {
-        for task in lock(&self.tasks).drain(..) {
+        for task in self.tasks.lock().drain(..) {
             task.abort();
         }
     }
@@ -140,7 +141,7 @@ impl Members {
                             known.send_replace(true);
                             continue;
                         }
-                        let mut seen = lock(&self.seen);
+                        let mut seen = self.seen.lock();
                         if beat.operation != kv::Operation::Put {
                             seen.remove(&beat.key);
                         } else if seen.get(&beat.key).is_none_or(|(old, _)| *old != beat.revision) {
@@ -154,8 +155,4 @@ impl Members {
             tokio::time::sleep(AGAIN).await;
         }
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

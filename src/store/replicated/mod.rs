@@ -39,7 +39,7 @@ mod tasks;
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use async_nats::jetstream::context::Context;
@@ -60,6 +60,7 @@ use super::{
     TaskQueue, sequence_of,
 };
 use crate::map::{Event, Map};
+use crate::sync::Mutex;
 
 /// How often a claim is tried while others change the entry.
 const CLAIMS: u32 = 8;
@@ -117,13 +118,9 @@ impl ReplicatedStore {
         Arc::new(self.tasks.clone())
     }
 
-    fn maps(&self) -> MutexGuard<'_, BTreeMap<String, Arc<Owned>>> {
-        self.maps.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// A map that this server serves.
     fn owned(&self, map: &str) -> Result<Arc<Owned>, StoreError> {
-        let owned = self.maps().get(map).cloned();
+        let owned = self.maps.lock().get(map).cloned();
         owned.ok_or_else(|| StoreError::OwnedElsewhere { map: map.to_owned(), owner: None })
     }
 
@@ -187,7 +184,7 @@ impl Store for ReplicatedStore {
             return Err(StoreError::OwnedElsewhere { map: map.to_owned(), owner: None });
         }
         owned.stop();
-        self.maps().remove(map);
+        self.maps.lock().remove(map);
         if let Err(error) = map_stream::delete(&self.context, map, &known.entry.uid).await {
             tracing::warn!(map, %error, "the stream of a deleted map is left");
         }
@@ -322,7 +319,7 @@ impl Store for ReplicatedStore {
     }
 
     async fn close(&self) {
-        let maps: Vec<_> = std::mem::take(&mut *self.maps()).into_values().collect();
+        let maps: Vec<_> = std::mem::take(&mut *self.maps.lock()).into_values().collect();
         self.local.close().await;
         for owned in maps {
             owned.give_away(&self.catalog).await;

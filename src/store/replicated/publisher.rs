@@ -5,7 +5,7 @@
 //! has taken the map over nothing more is published.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
@@ -14,6 +14,7 @@ use tokio::task::AbortHandle;
 use super::map_stream::{MapStream, PutError};
 use super::message::{LENGTH, Outgoing, pack};
 use crate::store::StoreError;
+use crate::sync::Mutex;
 
 /// Bytes of a round.
 const ROUND: usize = 8 << 20;
@@ -58,12 +59,6 @@ struct Shared {
     progress: watch::Sender<Progress>,
 }
 
-impl Shared {
-    fn queue(&self) -> MutexGuard<'_, Queue> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 /// Where a publisher begins.
 #[derive(Debug)]
 pub(super) struct Begin {
@@ -90,7 +85,7 @@ impl Publisher {
 
     /// Takes encoded events; returns the bytes that wait.
     pub(super) fn push(&self, events: impl IntoIterator<Item = (u64, Vec<u8>)>) -> usize {
-        let mut queue = self.shared.queue();
+        let mut queue = self.shared.queue.lock();
         for (revision, event) in events {
             queue.bytes += LENGTH + event.len();
             queue.events.push_back((revision, event));
@@ -109,7 +104,7 @@ impl Publisher {
                 let progress = progress.borrow_and_update();
                 progress.failed.is_some() || progress.unavailable.is_some()
             };
-            if is_stuck || self.shared.queue().bytes <= MOST_PENDING {
+            if is_stuck || self.shared.queue.lock().bytes <= MOST_PENDING {
                 return;
             }
             if progress.changed().await.is_err() {
@@ -123,7 +118,10 @@ impl Publisher {
         let mut progress = self.progress();
         loop {
             let has_failed = progress.borrow_and_update().failed.is_some();
-            if has_failed || self.shared.queue().bytes == 0 || progress.changed().await.is_err() {
+            if has_failed
+                || self.shared.queue.lock().bytes == 0
+                || progress.changed().await.is_err()
+            {
                 return;
             }
         }
@@ -136,14 +134,14 @@ impl Publisher {
     /// The first message that has an event from `revision` on, or that has none at all; `None` where
     /// that is not known.
     pub(super) fn message_of(&self, revision: u64) -> Option<u64> {
-        let queue = self.shared.queue();
+        let queue = self.shared.queue.lock();
         let before = queue.index.iter().rfind(|&&(last, _)| last < revision)?;
         Some(before.1 + 1)
     }
 
     /// Forgets where events are that were purged.
     pub(super) fn purged(&self, before: u64) {
-        self.shared.queue().index.retain(|&(_, message)| message >= before);
+        self.shared.queue.lock().index.retain(|&(_, message)| message >= before);
     }
 
     /// Publishes nothing more.
@@ -185,7 +183,7 @@ impl Publishing {
         loop {
             let arrived = shared.arrived.notified();
             let events: Vec<_> = {
-                let mut queue = shared.queue();
+                let mut queue = shared.queue.lock();
                 let mut bytes = 0;
                 let mut taken = Vec::new();
                 while bytes <= ROUND
@@ -210,7 +208,7 @@ impl Publishing {
             match self.stream.put(self.last, self.epoch, message).await {
                 Ok(sequence) => {
                     self.last = sequence;
-                    let mut queue = shared.queue();
+                    let mut queue = shared.queue.lock();
                     queue.bytes = queue.bytes.saturating_sub(message.payload.len());
                     if message.is_whole() {
                         queue.index.push_back((message.last, sequence));

@@ -48,7 +48,7 @@ impl ReplicatedStore {
             return Err(elsewhere());
         }
         // A map that was open here is open no more.
-        let former = self.maps().remove(map);
+        let former = self.maps.lock().remove(map);
         drop(former);
         let uid = &known.entry.uid;
         let known = if is_new || MapStream::exists(&self.context, map, uid).await? {
@@ -77,7 +77,7 @@ impl ReplicatedStore {
         let lease = self.members.holds_lease();
         let owned = Owned::start(map, stream, publisher, known, local, lease);
         owned.wait_durable(waits_for.unwrap_or(through)).await?;
-        self.maps().insert(map.to_owned(), owned);
+        self.maps.lock().insert(map.to_owned(), owned);
         tracing::info!(map, epoch, through, "this server serves the map");
         Ok(own_epoch)
     }
