@@ -83,6 +83,26 @@ macro_rules! led {
 }
 pub(super) use led;
 
+/// All that a streamed answer lists, of one revision.
+macro_rules! all {
+    ($client:ident, $rpc:literal, $call:ident($request:ident), $all:ident { $list:ident }) => {
+        led!(
+            $client,
+            async {
+                let answered = $client.map_service().$call($request.clone()).await;
+                let mut stream = answer($rpc, answered)?;
+                let mut all = $all::default();
+                while let Some(part) = next($rpc, &mut stream).await? {
+                    all.revision = part.revision;
+                    all.$list.extend(part.$list);
+                }
+                Ok(all)
+            }
+            .await
+        )
+    };
+}
+
 impl Client {
     /// Version, limits, durability and features of the server.
     ///
@@ -109,7 +129,7 @@ impl Client {
             self,
             answer(RPC, self.map_service().create_map(self.timed(request.clone())).await)
         )?;
-        answer.map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
+        one(RPC, answer.map)
     }
 
     /// One map with its counts.
@@ -141,8 +161,7 @@ impl Client {
         let answer =
             led!(self, answer(RPC, self.map_service().get_map(self.timed(request.clone())).await))?;
         let v1::GetMapResponse { map, state_hash, keyframe_ids_digest } = answer;
-        let map = map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })?;
-        Ok((map, MapDigests { state_hash, keyframe_ids_digest }))
+        Ok((one(RPC, map)?, MapDigests { state_hash, keyframe_ids_digest }))
     }
 
     /// As [`Client::get_map`], `None` where there is no such map.
@@ -215,25 +234,9 @@ impl Client {
         map_id: &str,
         client_id: Option<&str>,
     ) -> Result<Trajectory, ClientError> {
-        const RPC: &str = "GetTrajectory";
-        let request = v1::GetTrajectoryRequest {
-            map_id: map_id.to_owned(),
-            client_id: client_id.unwrap_or_default().to_owned(),
-        };
-        led!(
-            self,
-            async {
-                let mut stream =
-                    answer(RPC, self.map_service().get_trajectory(request.clone()).await)?;
-                let mut trajectory = Trajectory::default();
-                while let Some(part) = next(RPC, &mut stream).await? {
-                    trajectory.revision = part.revision;
-                    trajectory.poses.extend(part.poses);
-                }
-                Ok(trajectory)
-            }
-            .await
-        )
+        let client_id = client_id.unwrap_or_default().to_owned();
+        let request = v1::GetTrajectoryRequest { map_id: map_id.to_owned(), client_id };
+        all!(self, "GetTrajectory", get_trajectory(request), Trajectory { poses })
     }
 
     /// A map's landmarks, without descriptors.
@@ -241,25 +244,8 @@ impl Client {
     /// # Errors
     /// The codes of `ListLandmarks`.
     pub async fn landmarks(&self, map_id: &str) -> Result<Landmarks, ClientError> {
-        const RPC: &str = "ListLandmarks";
-        let request = v1::ListLandmarksRequest {
-            map_id: map_id.to_owned(),
-            ..v1::ListLandmarksRequest::default()
-        };
-        led!(
-            self,
-            async {
-                let mut stream =
-                    answer(RPC, self.map_service().list_landmarks(request.clone()).await)?;
-                let mut landmarks = Landmarks::default();
-                while let Some(part) = next(RPC, &mut stream).await? {
-                    landmarks.revision = part.revision;
-                    landmarks.landmarks.extend(part.landmarks);
-                }
-                Ok(landmarks)
-            }
-            .await
-        )
+        let request = v1::ListLandmarksRequest { map_id: map_id.to_owned(), ..Default::default() };
+        all!(self, "ListLandmarks", list_landmarks(request), Landmarks { landmarks })
     }
 
     /// A map's constraints: relative poses, those that are switched off too, and priors.
@@ -267,25 +253,9 @@ impl Client {
     /// # Errors
     /// The codes of `ListConstraints`.
     pub async fn constraints(&self, map_id: &str) -> Result<Constraints, ClientError> {
-        const RPC: &str = "ListConstraints";
-        let request = v1::ListConstraintsRequest {
-            map_id: map_id.to_owned(),
-            ..v1::ListConstraintsRequest::default()
-        };
-        led!(
-            self,
-            async {
-                let mut stream =
-                    answer(RPC, self.map_service().list_constraints(request.clone()).await)?;
-                let mut constraints = Constraints::default();
-                while let Some(part) = next(RPC, &mut stream).await? {
-                    constraints.revision = part.revision;
-                    constraints.constraints.extend(part.constraints);
-                }
-                Ok(constraints)
-            }
-            .await
-        )
+        let request =
+            v1::ListConstraintsRequest { map_id: map_id.to_owned(), ..Default::default() };
+        all!(self, "ListConstraints", list_constraints(request), Constraints { constraints })
     }
 
     /// What the searches for known places found.
@@ -293,25 +263,9 @@ impl Client {
     /// # Errors
     /// The codes of `ListPlaceSearches`.
     pub async fn place_searches(&self, map_id: &str) -> Result<PlaceSearches, ClientError> {
-        const RPC: &str = "ListPlaceSearches";
-        let request = v1::ListPlaceSearchesRequest {
-            map_id: map_id.to_owned(),
-            ..v1::ListPlaceSearchesRequest::default()
-        };
-        led!(
-            self,
-            async {
-                let mut stream =
-                    answer(RPC, self.map_service().list_place_searches(request.clone()).await)?;
-                let mut searches = PlaceSearches::default();
-                while let Some(part) = next(RPC, &mut stream).await? {
-                    searches.revision = part.revision;
-                    searches.searches.extend(part.searches);
-                }
-                Ok(searches)
-            }
-            .await
-        )
+        let request =
+            v1::ListPlaceSearchesRequest { map_id: map_id.to_owned(), ..Default::default() };
+        all!(self, "ListPlaceSearches", list_place_searches(request), PlaceSearches { searches })
     }
 
     /// A map's keyframes with the fields that the mask names; `None` for all but observations.
@@ -323,36 +277,19 @@ impl Client {
         map_id: &str,
         read_mask: Option<prost_types::FieldMask>,
     ) -> Result<Keyframes, ClientError> {
-        const RPC: &str = "ListKeyframes";
-        let request = v1::ListKeyframesRequest {
-            map_id: map_id.to_owned(),
-            read_mask,
-            ..v1::ListKeyframesRequest::default()
-        };
-        led!(
-            self,
-            async {
-                let mut stream =
-                    answer(RPC, self.map_service().list_keyframes(request.clone()).await)?;
-                let mut all = Keyframes::default();
-                while let Some(part) = next(RPC, &mut stream).await? {
-                    all.revision = part.revision;
-                    for entry in part.keyframes {
-                        match all.keyframes.last_mut() {
-                            // More observations than fit one entry.
-                            Some(last)
-                                if (&last.client_id, last.id) == (&entry.client_id, entry.id) =>
-                            {
-                                last.observations.extend(entry.observations);
-                            }
-                            Some(_) | None => all.keyframes.push(entry),
-                        }
-                    }
-                }
-                Ok(all)
+        let map_id = map_id.to_owned();
+        let request = v1::ListKeyframesRequest { map_id, read_mask, ..Default::default() };
+        let mut all: Keyframes =
+            all!(self, "ListKeyframes", list_keyframes(request), Keyframes { keyframes })?;
+        // A keyframe with more observations than fit one entry has several.
+        all.keyframes.dedup_by(|entry, last| {
+            let is_same = (&last.client_id, last.id) == (&entry.client_id, entry.id);
+            if is_same {
+                last.observations.append(&mut entry.observations);
             }
-            .await
-        )
+            is_same
+        });
+        Ok(all)
     }
 
     /// Changes name, policy or state of a map, as the request's mask says; the map after it.
@@ -365,7 +302,7 @@ impl Client {
             self,
             answer(RPC, self.map_service().update_map(self.timed(request.clone())).await)
         )?;
-        answer.map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
+        one(RPC, answer.map)
     }
 
     /// Creates a map from files, whose chunks come in order. Dropping the future before the answer
@@ -383,7 +320,7 @@ impl Client {
         let header = tokio_stream::once(Content::Header(header));
         let content = header.chain(chunks.map(Content::Chunk)).map(message);
         let answer = answer(RPC, self.map_service().import_map(content).await)?;
-        answer.map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
+        one(RPC, answer.map)
     }
 
     /// Starts an export; its files come chunk by chunk.
@@ -479,6 +416,10 @@ impl Client {
     ) -> Result<v1::SolvePoseGraphResponse, ClientError> {
         answer("SolvePoseGraph", self.optimization_service().solve_pose_graph(request).await)
     }
+}
+
+fn one(rpc: &'static str, map: Option<v1::Map>) -> Result<v1::Map, ClientError> {
+    map.ok_or(ClientError::Protocol { rpc, what: "no map" })
 }
 
 /// What a call was answered with.

@@ -17,7 +17,7 @@ use super::solve::Outcome;
 use crate::map::{Reason, SolveKind};
 use crate::meter::{Counter, Gauge, Held, Histogram};
 
-/// Why items are rejected, in the order of the counters.
+/// Why items are rejected, in the order of [`Reason`] and of the counters.
 const REASONS: [&str; 14] = [
     "missing",
     "not_finite",
@@ -34,25 +34,7 @@ const REASONS: [&str; 14] = [
     "unimplemented",
     "too_large",
 ];
-
-fn place_of_reason(reason: Reason) -> usize {
-    match reason {
-        Reason::Missing => 0,
-        Reason::NotFinite => 1,
-        Reason::OutOfRange => 2,
-        Reason::NotNormalized => 3,
-        Reason::NotPositiveDefinite => 4,
-        Reason::WrongLength => 5,
-        Reason::UnknownReference => 6,
-        Reason::AlreadyExists => 7,
-        Reason::Duplicate => 8,
-        Reason::ProjectionNotFinite => 9,
-        Reason::Inconsistent => 10,
-        Reason::UnknownValue => 11,
-        Reason::Unimplemented => 12,
-        Reason::TooLarge => 13,
-    }
-}
+const _: () = assert!(Reason::TooLarge as usize + 1 == REASONS.len());
 
 /// How solves end, in the order of the counters.
 const ENDS: [&str; 10] = [
@@ -190,8 +172,8 @@ pub struct EngineMeters {
     pub received: Counter,
     /// Items that the map had already.
     pub duplicate: Counter,
-    /// Streams that ended at a ceiling.
-    pub ceiling: Counter,
+    /// Streams that ended at a limit.
+    pub at_limit: Counter,
     rejected: [Counter; REASONS.len()],
     /// Keyframes that were retired because their map was full.
     pub retired: Counter,
@@ -222,7 +204,7 @@ impl Default for EngineMeters {
             watchers: Arc::default(),
             received: Counter::default(),
             duplicate: Counter::default(),
-            ceiling: Counter::default(),
+            at_limit: Counter::default(),
             rejected: Default::default(),
             retired: Counter::default(),
             durable_ns: Histogram::of_durations(),
@@ -258,7 +240,7 @@ impl EngineMeters {
 
     /// Counts a rejected item.
     pub(super) fn reject(&self, reason: Reason) {
-        if let Some(count) = self.rejected.get(place_of_reason(reason)) {
+        if let Some(count) = self.rejected.get(reason as usize) {
             count.increment();
         }
     }
