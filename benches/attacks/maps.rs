@@ -99,7 +99,7 @@ pub(crate) async fn unread_export(target: Target) {
     }
 }
 
-/// A session into a map of its own with a ceiling of 100,000 bytes, or none.
+/// A session into a map of its own with a limit of 100,000 bytes, or none.
 async fn session(target: &Target, map: &str, bytes: Option<i64>) -> Option<IngestSession> {
     let client: Client = connect(&target.url, "foe").await.ok()?;
     let limits = v1::MapLimits { max_size_bytes: bytes, ..Default::default() };

@@ -224,7 +224,7 @@ async fn memory(data: &Path, keyframes: i64, most: i64, observations: usize) -> 
     let start = Instant::now();
     let head = ["keyframes", "mean MB", "most MB", "disk MB", "seconds"];
     println!("{:>10} {:>10} {:>10} {:>10} {:>8}", head[0], head[1], head[2], head[3], head[4]);
-    // The items whose digests are remembered are the last ceiling to be reached.
+    // The items whose digests are remembered are the last limit to be reached.
     let settled = 100_000.min(keyframes / 4);
     let samples = Samples::of(&server);
     let mut windows = Vec::new();

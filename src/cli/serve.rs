@@ -17,7 +17,7 @@ use tokio::net::TcpListener;
 use super::config::Config;
 use super::output::{ClosedPipe, print};
 use super::signals::Signals;
-use crate::service::engine::EngineConfig;
+use crate::service::engine::{EngineConfig, Resource};
 use crate::service::{ConnectionLimits, JwtOptions, Server, ServerConfig, TlsFiles};
 
 /// Serves until a signal comes.
@@ -204,13 +204,14 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         max_strangers: config.max_strangers,
         ..default.connections
     };
-    let max_maps = config.server_limits.max_maps.and_then(|maps| usize::try_from(maps).ok());
+    let max_maps =
+        config.server_limits.of(Resource::Maps).and_then(|maps| usize::try_from(maps).ok());
     ServerConfig {
         threads: config.threads,
-        ceilings: config.map_limits.over(&default.ceilings),
+        map_limits: config.map_limits.over(&default.map_limits),
         max_maps: max_maps.unwrap_or(default.max_maps),
-        tenant_limits: config.tenant_limits.into(),
-        server_limits: config.server_limits.over(default.server_limits),
+        tenant_limits: config.tenant_limits,
+        server_limits: config.server_limits.over(&default.server_limits),
         max_message_bytes: config.max_message_bytes,
         max_concurrent_streams: config.max_concurrent_streams,
         connections,

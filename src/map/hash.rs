@@ -144,7 +144,7 @@ impl Hash {
             observation_loss,
             constraint_loss,
             max_local_iterations,
-            ceilings,
+            limits,
             when_full,
             max_queued_items,
             gauge,
@@ -167,22 +167,22 @@ impl Hash {
         self.loss(observation_loss);
         self.loss(constraint_loss);
         self.length(*max_local_iterations);
-        for ceiling in [ceilings.max_keyframes, ceilings.max_landmarks, ceilings.max_observations] {
-            self.tag(u8::from(ceiling.is_some()));
-            self.u64(ceiling.unwrap_or(0));
+        for limit in [limits.keyframes, limits.landmarks, limits.observations] {
+            self.tag(u8::from(limit.is_some()));
+            self.u64(limit.unwrap_or(0));
         }
         // Later settings have a name and are left out where they are absent, so that maps without
         // them keep the hash that they always had.
-        for (name, ceiling) in [
-            ("max_bytes", ceilings.max_bytes),
-            ("max_clients", ceilings.max_clients),
-            ("max_cameras", ceilings.max_cameras),
-            ("max_constraints", ceilings.max_constraints),
-            ("max_priors", ceilings.max_priors),
+        for (name, limit) in [
+            ("max_bytes", limits.bytes),
+            ("max_clients", limits.clients),
+            ("max_cameras", limits.cameras),
+            ("max_constraints", limits.constraints),
+            ("max_priors", limits.priors),
         ] {
-            if let Some(ceiling) = ceiling {
+            if let Some(limit) = limit {
                 self.text(name);
-                self.u64(ceiling);
+                self.u64(limit);
             }
         }
         match when_full {

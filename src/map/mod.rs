@@ -10,7 +10,6 @@ use std::collections::BTreeMap;
 
 mod affected;
 mod applied;
-mod ceilings;
 mod check;
 mod covisibility;
 mod digest;
@@ -42,13 +41,14 @@ mod sound;
 mod surroundings;
 mod ties;
 mod triangulation;
+mod usage;
 mod window;
 
 pub use affected::{Affected, affected};
 pub use applied::{Solved, applied};
 #[cfg(test)]
-pub(crate) use ceilings::INDEXED_KEYFRAME;
-pub use ceilings::{Ceilings, Counted, Exceeded, Usage};
+pub(crate) use usage::INDEXED_KEYFRAME;
+
 pub use covisibility::Covisibility;
 pub use digest::Content;
 pub use duplicates::{Comparison, DuplicatePair, Duplicates, find_duplicates};
@@ -82,6 +82,7 @@ pub use shared_map::SharedMap;
 pub use surroundings::{Surroundings, likeness};
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
+pub use usage::{Counted, Counts, Exceeded, MapLimits, Usage};
 pub use window::{Window, choose_window};
 
 /// Whether the map already has the content of an item of a stream.

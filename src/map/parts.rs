@@ -159,8 +159,8 @@ impl Map {
                 return Err(unknown(EntityKind::Camera, camera));
             }
             observation_count += keyframe.observations.len() as u64;
-            descriptor_bytes += super::ceilings::descriptor_bytes(&keyframe.observations)
-                + super::ceilings::image_bytes(keyframe.global_descriptor.as_deref());
+            descriptor_bytes += super::usage::descriptor_bytes(&keyframe.observations)
+                + super::usage::image_bytes(keyframe.global_descriptor.as_deref());
             for observation in keyframe.observations.iter() {
                 let seen = observation.landmark;
                 let place = ids.binary_search(&seen);

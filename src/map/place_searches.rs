@@ -4,7 +4,7 @@
 //! the map over (a restart, an import) continues with it. Each candidate that was refused keeps its
 //! reason, so that a user can ask why a loop was not closed. Nothing is searched here.
 
-use super::ceilings::entry;
+use super::usage::entry;
 use super::{DescriptorKind, EntityId, Map, Observation, SharedMap};
 
 /// A keyframe that looked like the place of another one.

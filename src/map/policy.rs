@@ -7,7 +7,7 @@ use covis_solvers::geometry::Geodetic;
 use covis_solvers::loss::Loss;
 use covis_solvers::robust::{Kernel, default_threshold};
 
-use super::Ceilings;
+use super::MapLimits;
 
 /// What happens to an item for which a full map has no room.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -83,7 +83,7 @@ pub struct MapPolicy {
     /// Iterations of a local bundle adjustment (10).
     pub max_local_iterations: usize,
     /// Limits of what the map holds (none).
-    pub ceilings: Ceilings,
+    pub limits: MapLimits,
     /// What happens at a limit (refuse).
     pub when_full: WhenFull,
     /// Items of a client that may wait for the engine (the server's).
@@ -110,7 +110,7 @@ impl Default for MapPolicy {
             observation_loss: Loss::Huber(2.0),
             constraint_loss: Loss::Trivial,
             max_local_iterations: 10,
-            ceilings: Ceilings::default(),
+            limits: MapLimits::default(),
             when_full: WhenFull::default(),
             max_queued_items: None,
             gauge: Gauge::default(),

@@ -4,12 +4,14 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use serde::Deserialize;
+
 use super::access::JwtOptions;
 use super::clock::Clock;
 use super::connections::ConnectionLimits;
-use super::engine::{AccountLimits, EngineConfig};
+use super::engine::{AccountLimits, EngineConfig, Resource};
 use super::tls::TlsFiles;
-use crate::map::Ceilings;
+use crate::map::MapLimits;
 
 /// Largest message by default, bytes: 4 MiB.
 const DEFAULT_MESSAGE_BYTES: usize = 4 * 1024 * 1024;
@@ -17,20 +19,20 @@ const DEFAULT_MESSAGE_BYTES: usize = 4 * 1024 * 1024;
 /// 1 GiB.
 const GIB: u64 = 1 << 30;
 
-/// Ceilings of one map, for a machine of 8 GiB: 2 GiB of estimated memory, which is half of what
+/// Limits of one map, for a machine of 8 GiB: 2 GiB of estimated memory, which is half of what
 /// all maps may take together, and counts that no robot or collection of pictures comes near. There
 /// may be as many cameras as keyframes, because a model made from pictures may have one for each.
 #[must_use]
-pub fn default_ceilings() -> Ceilings {
-    Ceilings {
-        max_clients: Some(10_000),
-        max_cameras: Some(100_000),
-        max_keyframes: Some(100_000),
-        max_landmarks: Some(20_000_000),
-        max_observations: Some(100_000_000),
-        max_constraints: Some(1_000_000),
-        max_priors: Some(1_000_000),
-        max_bytes: Some(2 * GIB),
+pub fn default_map_limits() -> MapLimits {
+    MapLimits {
+        clients: Some(10_000),
+        cameras: Some(100_000),
+        keyframes: Some(100_000),
+        landmarks: Some(20_000_000),
+        observations: Some(100_000_000),
+        constraints: Some(1_000_000),
+        priors: Some(1_000_000),
+        bytes: Some(2 * GIB),
     }
 }
 
@@ -42,18 +44,37 @@ const JOB_BYTES_IN_MEMORY: u64 = GIB / 2;
 /// needs some ten kilobytes with its queue; an export needs its snapshot and one chunk.
 #[must_use]
 pub fn default_limits() -> AccountLimits {
-    AccountLimits {
-        held: Ceilings { max_bytes: Some(4 * GIB), ..Ceilings::default() },
-        max_maps: None,
-        max_streams: Some(2000),
-        max_watchers: Some(1000),
-        max_exports: Some(64),
-        max_solves: None,
-        max_waiting_solves: Some(256),
-        max_running_solve_bytes: Some(2 * GIB),
-        max_journal_bytes: Some(GIB / 2),
-        max_pending_jobs: Some(256),
-        max_job_bytes: Some(4 * GIB),
+    AccountLimits::of_maps(MapLimits { bytes: Some(4 * GIB), ..MapLimits::default() })
+        .with(Resource::Streams, 2000)
+        .with(Resource::Watchers, 1000)
+        .with(Resource::Exports, 64)
+        .with(Resource::WaitingSolves, 256)
+        .with(Resource::RunningSolveBytes, 2 * GIB)
+        .with(Resource::JournalBytes, GIB / 2)
+        .with(Resource::PendingJobs, 256)
+        .with(Resource::JobBytes, 4 * GIB)
+}
+
+/// Limits of the estimate of one solve, `[solve_limits]` of `covis.toml`; a solve above them is not
+/// started. An absent key means the default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SolveLimits {
+    /// Memory in bytes.
+    pub max_bytes: Option<u64>,
+    /// Work of one iteration, Gflop.
+    pub max_gflops: Option<u64>,
+}
+
+impl SolveLimits {
+    /// These limits where they are set, otherwise those of `default`.
+    #[must_use]
+    pub fn over(&self, default: EngineConfig) -> EngineConfig {
+        EngineConfig {
+            max_solve_bytes: self.max_bytes.unwrap_or(default.max_solve_bytes),
+            max_solve_gflops: self.max_gflops.unwrap_or(default.max_solve_gflops),
+            ..default
+        }
     }
 }
 
@@ -70,8 +91,8 @@ pub struct ServerConfig {
     pub keep_alive: KeepAlive,
     /// Maps that the server keeps (1000).
     pub max_maps: usize,
-    /// Ceilings of a map, which its policy can only lower; see [`default_ceilings`].
-    pub ceilings: Ceilings,
+    /// Limits of a map, which its policy can only lower; see [`default_map_limits`].
+    pub map_limits: MapLimits,
     /// Limits of a tenant that has no limits in the file of tokens (none: those of the server).
     pub tenant_limits: AccountLimits,
     /// Limits of the server as a whole, besides `max_maps`; see [`default_limits`].
@@ -136,7 +157,7 @@ impl Default for ServerConfig {
             connections: ConnectionLimits::default(),
             keep_alive: KeepAlive::default(),
             max_maps: 1000,
-            ceilings: default_ceilings(),
+            map_limits: default_map_limits(),
             tenant_limits: AccountLimits::default(),
             server_limits: default_limits(),
             data_dir: None,
@@ -190,17 +211,19 @@ impl ServerConfig {
     /// Limits of the server's account.
     pub(super) fn account_limits(&self) -> AccountLimits {
         let max_maps = u64::try_from(self.max_maps).unwrap_or(u64::MAX);
-        let AccountLimits { max_job_bytes, .. } = self.server_limits;
-        // In memory they are part of the process.
-        let max_job_bytes = match self.data_dir {
-            Some(_) => max_job_bytes,
-            None => Some(max_job_bytes.map_or(JOB_BYTES_IN_MEMORY, |b| b.min(JOB_BYTES_IN_MEMORY))),
-        };
-        AccountLimits { max_maps: Some(max_maps), max_job_bytes, ..self.server_limits }
+        let limits = self.server_limits.with(Resource::Maps, max_maps);
+        match (&self.data_dir, limits.of(Resource::JobBytes)) {
+            (Some(_), _) => limits,
+            // In memory they are part of the process.
+            (None, bytes) => {
+                let bytes = bytes.unwrap_or(JOB_BYTES_IN_MEMORY).min(JOB_BYTES_IN_MEMORY);
+                limits.with(Resource::JobBytes, bytes)
+            }
+        }
     }
 
     /// Limits of the account of each map.
-    pub(super) fn map_limits(&self) -> AccountLimits {
-        AccountLimits { held: self.ceilings, ..AccountLimits::default() }
+    pub(super) fn map_account_limits(&self) -> AccountLimits {
+        AccountLimits::of_maps(self.map_limits)
     }
 }

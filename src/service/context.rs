@@ -22,7 +22,7 @@ use tracing::Instrument;
 use super::access::Access;
 use super::config::ServerConfig;
 use super::connections::Connections;
-use super::convert::map::ServerCeilings;
+use super::convert::map::ServerLimits;
 use super::engine::{EngineError, Maps};
 use super::error::ServiceError;
 use super::jobs::Jobs;
@@ -147,10 +147,10 @@ impl<T> Sink<T> {
 }
 
 impl Context {
-    /// The ceilings that policies must not exceed.
-    pub(super) fn ceilings(&self) -> ServerCeilings {
+    /// The limits that policies must not exceed.
+    pub(super) fn limits(&self) -> ServerLimits {
         let queued_items = self.config.engine.queue_capacity;
-        ServerCeilings { map: self.config.ceilings, queued_items }
+        ServerLimits { map: self.config.map_limits, queued_items }
     }
 
     /// Resolves when the server drains.

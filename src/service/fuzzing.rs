@@ -14,12 +14,12 @@ use prost::Message as _;
 use super::access::ParsedTokens;
 pub use super::access::fuzzing::jwt;
 use super::convert::item::{digest, item};
-use super::convert::map::{ServerCeilings, display_name, policy};
+use super::convert::map::{ServerLimits, display_name, policy};
 use super::convert::{convert, ids};
 use super::engine::EngineConfig;
 use super::{bundle_solve, graph_solve, listing, optimization_service, refine, tls};
 use crate::map::{
-    Cause, Ceilings, Change, ClientIndex, EntityId, Event, Map, Recall, choose_window,
+    Cause, Change, ClientIndex, EntityId, Event, Map, MapLimits, Recall, choose_window,
     local_problem, triangulate,
 };
 use crate::store::fuzzing::{MOST_EVENTS, journey, map_journey};
@@ -215,8 +215,8 @@ pub fn largest(length: usize) -> [Vec<Vec<u8>>; 2] {
 
 /// A new map's policy goes to disk and back.
 fn create_map(request: v1::CreateMapRequest) {
-    let map = Ceilings { max_keyframes: Some(1000), ..Ceilings::default() };
-    let server = ServerCeilings { map, queued_items: 64 };
+    let map = MapLimits { keyframes: Some(1000), ..MapLimits::default() };
+    let server = ServerLimits { map, queued_items: 64 };
     let converted = convert(|out| {
         let map_id = ids::map_id(&request.map_id, out);
         let display_name = display_name(&request.display_name, out);

@@ -1,7 +1,7 @@
 //! `IngestService`: one bidirectional stream by which a client builds a map.
 //!
 //! A session reads items and forwards acks side by side. Bad items are answered with acks. Only a
-//! protocol error, a ceiling, a newer epoch or the end of the map or server ends the stream, after
+//! protocol error, a limit, a newer epoch or the end of the map or server ends the stream, after
 //! the acks of the accepted items. Nothing is buffered beyond the engine's queue, so that a full
 //! one slows the client.
 
@@ -115,7 +115,7 @@ async fn opened(
         durability: to_durability(context.maps.durability()).into(),
         revision: opened.revision,
         max_message_bytes: count(context.config.max_message_bytes),
-        limits: Some(to_limits(&snapshot.policy().ceilings, queued(snapshot.policy(), waiting))),
+        limits: Some(to_limits(&snapshot.policy().limits, queued(snapshot.policy(), waiting))),
         lock_step: opened.lock_step,
         map_uid: map.ingest_uid().to_owned(),
         optimized_sequence: opened.optimized_sequence,

@@ -28,16 +28,16 @@ impl Rpcs {
         request: Request<v1::CreateMapRequest>,
     ) -> Result<v1::CreateMapResponse, ServiceError> {
         let (caller, request) = (Caller::of(&request)?, request.into_inner());
-        let ceilings = self.context.ceilings();
+        let limits = self.context.limits();
         let (map_id, display_name, policy) = convert(|out| {
             let map_id = ids::map_id(&request.map_id, out);
             let display_name = display_name(&request.display_name, out);
-            let policy = policy(request.policy.as_ref(), &ceilings, out);
+            let policy = policy(request.policy.as_ref(), &limits, out);
             Some((map_id?, display_name?, policy?))
         })?;
         let name = caller.engine_name(&map_id);
         let info = self.context.maps.create(&name, &display_name, policy).await?;
-        Ok(v1::CreateMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
+        Ok(v1::CreateMapResponse { map: Some(to_map(&info, limits.queued_items)) })
     }
 
     async fn update(
@@ -45,11 +45,11 @@ impl Rpcs {
         request: Request<v1::UpdateMapRequest>,
     ) -> Result<v1::UpdateMapResponse, ServiceError> {
         let (caller, request) = (Caller::of(&request)?, request.into_inner());
-        let ceilings = self.context.ceilings();
+        let limits = self.context.limits();
         let map = self.map(&caller, &request.map_id).await?;
-        let update = convert(|out| update::update(&request, &ceilings, out))?;
+        let update = convert(|out| update::update(&request, &limits, out))?;
         let info = map.update(update).await?;
-        Ok(v1::UpdateMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
+        Ok(v1::UpdateMapResponse { map: Some(to_map(&info, limits.queued_items)) })
     }
 
     async fn list(
@@ -140,6 +140,24 @@ impl Rpcs {
         let map_id = convert(|out| ids::map_id(map_id, out))?;
         Ok(self.context.maps.find(&caller.engine_name(&map_id)).await?)
     }
+}
+
+/// Streams a list of a map's entities: `pages` reads the options of the request, `send` sends.
+macro_rules! list {
+    ($rpcs:ident, $request:ident, $rpc:literal, $pages:path, $send:path) => {{
+        let (rpcs, time) = ($rpcs.clone(), call_time($request.metadata()));
+        let (caller, request) = (Caller::of(&$request), $request.into_inner());
+        $rpcs.context.stream($rpc, time, Messages::Large, |sink| async move {
+            let pages = convert(|out| {
+                let map_id = ids::map_id(&request.map_id, out);
+                let pages = $pages(&request, out);
+                map_id?;
+                pages
+            })?;
+            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
+            $send(&map, &pages, &sink).await
+        })
+    }};
 }
 
 #[async_trait::async_trait]
@@ -301,18 +319,7 @@ impl MapService for Rpcs {
         &self,
         request: Request<v1::ListKeyframesRequest>,
     ) -> Result<Response<Self::ListKeyframesStream>, Status> {
-        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
-        let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.stream("ListKeyframes", time, Messages::Large, |sink| async move {
-            let pages = convert(|out| {
-                let map_id = ids::map_id(&request.map_id, out);
-                let pages = listing::keyframe_pages(&request, out);
-                map_id?;
-                pages
-            })?;
-            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
-            listing::keyframes(&map, &pages, &sink).await
-        })
+        list!(self, request, "ListKeyframes", listing::keyframe_pages, listing::keyframes)
     }
 
     type ListLandmarksStream = Answers<v1::ListLandmarksResponse>;
@@ -321,18 +328,7 @@ impl MapService for Rpcs {
         &self,
         request: Request<v1::ListLandmarksRequest>,
     ) -> Result<Response<Self::ListLandmarksStream>, Status> {
-        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
-        let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.stream("ListLandmarks", time, Messages::Large, |sink| async move {
-            let pages = convert(|out| {
-                let map_id = ids::map_id(&request.map_id, out);
-                let pages = listing::landmark_pages(&request, out);
-                map_id?;
-                pages
-            })?;
-            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
-            listing::landmarks(&map, &pages, &sink).await
-        })
+        list!(self, request, "ListLandmarks", listing::landmark_pages, listing::landmarks)
     }
 
     type ListConstraintsStream = Answers<v1::ListConstraintsResponse>;
@@ -341,18 +337,7 @@ impl MapService for Rpcs {
         &self,
         request: Request<v1::ListConstraintsRequest>,
     ) -> Result<Response<Self::ListConstraintsStream>, Status> {
-        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
-        let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.stream("ListConstraints", time, Messages::Large, |sink| async move {
-            let pages = convert(|out| {
-                let map_id = ids::map_id(&request.map_id, out);
-                let pages = listing::constraint_pages(&request, out);
-                map_id?;
-                pages
-            })?;
-            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
-            listing::constraints(&map, &pages, &sink).await
-        })
+        list!(self, request, "ListConstraints", listing::constraint_pages, listing::constraints)
     }
 
     type ListPlaceSearchesStream = Answers<v1::ListPlaceSearchesResponse>;
@@ -361,18 +346,13 @@ impl MapService for Rpcs {
         &self,
         request: Request<v1::ListPlaceSearchesRequest>,
     ) -> Result<Response<Self::ListPlaceSearchesStream>, Status> {
-        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
-        let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.stream("ListPlaceSearches", time, Messages::Large, |sink| async move {
-            let pages = convert(|out| {
-                let map_id = ids::map_id(&request.map_id, out);
-                let pages = listing::place_search_pages(&request, out);
-                map_id?;
-                pages
-            })?;
-            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
-            listing::place_searches(&map, &pages, &sink).await
-        })
+        list!(
+            self,
+            request,
+            "ListPlaceSearches",
+            listing::place_search_pages,
+            listing::place_searches
+        )
     }
 
     type WatchMapStream = Answers<v1::WatchMapResponse>;

@@ -39,7 +39,6 @@ mod import;
 mod ingest_service;
 mod job_service;
 mod jobs;
-mod limits;
 mod listing;
 mod localize;
 mod log_limit;
@@ -61,12 +60,11 @@ mod watch;
 
 pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
-pub use config::{KeepAlive, ServerConfig, default_ceilings, default_limits};
+pub use config::{KeepAlive, ServerConfig, SolveLimits, default_limits, default_map_limits};
 pub use connections::ConnectionLimits;
 #[cfg(feature = "cluster")]
 pub use jobs::{Worker, WorkerConfig};
 pub(crate) use jobs::{kind as kind_of_job, maps_of as maps_of_job};
-pub use limits::{SolveLimits, TenantLimits};
 #[cfg(test)]
 pub(crate) use readers::Readers;
 #[cfg(test)]

@@ -168,8 +168,11 @@ impl Server {
             Some(_) => secured(tls::BROWSERS).transpose()?.map(Arc::new),
             None => None,
         };
-        let accounts =
-            Accounts::new(config.account_limits(), config.tenant_limits, config.map_limits());
+        let accounts = Accounts::new(
+            config.account_limits(),
+            config.tenant_limits,
+            config.map_account_limits(),
+        );
         accounts.set_tenants(access.tenant_limits());
         let metrics = metrics_listener(&config).await?;
         let Backend { store, counted, pool, readers, job_files, tasks } = match backend {

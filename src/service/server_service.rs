@@ -76,7 +76,7 @@ impl Rpcs {
             max_map_count: count(config.max_maps),
             max_concurrent_stream_count: i32::try_from(config.max_concurrent_streams)
                 .unwrap_or(i32::MAX),
-            map_limits: Some(to_limits(&config.ceilings, config.engine.queue_capacity)),
+            map_limits: Some(to_limits(&config.map_limits, config.engine.queue_capacity)),
         };
         let number = |value: u64| i64::try_from(value).unwrap_or(i64::MAX);
         let account = self.context.maps.pool().accounts().tenant(caller.tenant());

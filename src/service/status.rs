@@ -276,19 +276,19 @@ fn engine(error: EngineError) -> Parts {
         EngineError::OptimizationRunning { map } => {
             parts(Code::Aborted, "OPTIMIZATION_RUNNING").with("map_id", map)
         }
-        EngineError::Ceiling { map, limit, maximum: _ } => {
+        EngineError::MapLimit { map, limit, maximum: _ } => {
             parts(Code::ResourceExhausted, "MAP_LIMIT")
                 .with("map_id", map)
                 .with("limit", limit)
                 .retry(RETRY_FULL)
         }
-        EngineError::TenantCeiling { limit, maximum } => {
+        EngineError::TenantLimit { limit, maximum } => {
             parts(Code::ResourceExhausted, "TENANT_LIMIT")
                 .with("limit", limit)
                 .with("maximum", maximum)
                 .retry(RETRY_FULL)
         }
-        EngineError::ServerCeiling { limit, maximum } => {
+        EngineError::ServerLimit { limit, maximum } => {
             parts(Code::ResourceExhausted, "SERVER_LIMIT")
                 .with("limit", limit)
                 .with("maximum", maximum)

@@ -12,7 +12,7 @@ use crate::map::{Event, Map};
 
 pub use super::files::fuzzing::journal_folder;
 
-/// Events that one input folds into a map: what a map holds is bounded by its ceilings, not by the
+/// Events that one input folds into a map: what a map holds is bounded by its limits, not by the
 /// size of what once came in.
 pub const MOST_EVENTS: usize = 256;
 

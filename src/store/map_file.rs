@@ -78,7 +78,7 @@ fn put_head(version: u32, needs: u32, out: &mut Vec<u8>) {
 }
 
 fn put_record(part: &[u8], out: &mut Vec<u8>) {
-    // A keyframe's observations fill no such record: ceilings of memory are far below.
+    // A keyframe's observations fill no such record: limits of memory are far below.
     let length = u32::try_from(part.len()).unwrap_or(u32::MAX);
     out.extend_from_slice(&length.to_le_bytes());
     out.extend_from_slice(&crc32c::crc32c(part).to_le_bytes());

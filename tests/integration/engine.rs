@@ -1,8 +1,8 @@
 //! The engine through its handles: acks, epochs, solves beside the stream, lock-step, bugs.
 
 mod bugs;
-mod ceilings;
 mod journal;
+mod limits;
 mod maps;
 mod merging;
 mod solves;

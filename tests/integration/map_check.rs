@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use covis::map::{
-    Ceilings, Change, ConstraintKind, Counted, EntityRef, Exceeded, Item, ItemLandmark,
-    ItemObservation, MapPolicy, Reason, Usage,
+    Change, ConstraintKind, Counted, EntityRef, Exceeded, Item, ItemLandmark, ItemObservation,
+    MapLimits, MapPolicy, Reason, Usage,
 };
 use covis_solvers::geometry::{Camera, Se3, Snavely};
 use covis_solvers::information::Information;
@@ -259,21 +259,21 @@ fn what_an_item_adds_is_counted_before_it_is_taken() {
     let (usage, growth) = (journal.map.usage(), journal.map.growth(&change));
     assert_eq!((usage.keyframes, usage.landmarks, usage.observations), (2, 30, 50));
     assert_eq!((growth.keyframes, growth.landmarks, growth.observations), (1, 1, 3));
-    let none = Ceilings::default();
+    let none = MapLimits::default();
     let cases = [
-        (Counted::Keyframes, 2, Ceilings { max_keyframes: Some(2), ..none }),
-        (Counted::Landmarks, 30, Ceilings { max_landmarks: Some(30), ..none }),
-        (Counted::Observations, 52, Ceilings { max_observations: Some(52), ..none }),
-        (Counted::Bytes, usage.bytes, Ceilings { max_bytes: Some(usage.bytes), ..none }),
+        (Counted::Keyframes, 2, MapLimits { keyframes: Some(2), ..none }),
+        (Counted::Landmarks, 30, MapLimits { landmarks: Some(30), ..none }),
+        (Counted::Observations, 52, MapLimits { observations: Some(52), ..none }),
+        (Counted::Bytes, usage.bytes, MapLimits { bytes: Some(usage.bytes), ..none }),
     ];
-    for (counted, maximum, ceilings) in cases {
-        assert_eq!(ceilings.exceeded(usage, growth), Some(Exceeded { counted, maximum }));
+    for (counted, maximum, limits) in cases {
+        assert_eq!(limits.exceeded(usage, growth), Some(Exceeded { counted, maximum }));
     }
-    let roomy = Ceilings {
-        max_keyframes: Some(3),
-        max_landmarks: Some(31),
-        max_observations: Some(53),
-        max_bytes: Some(usage.bytes + growth.bytes),
+    let roomy = MapLimits {
+        keyframes: Some(3),
+        landmarks: Some(31),
+        observations: Some(53),
+        bytes: Some(usage.bytes + growth.bytes),
         ..none
     };
     assert_eq!(roomy.exceeded(usage, growth), None);

@@ -1,7 +1,7 @@
 //! Making room: which keyframe goes, what goes with it, what stays of it.
 
 use covis::map::{
-    Ceilings, Change, ConstraintKind, Covisibility, EntityRef, Item, ItemObservation, Map,
+    Change, ConstraintKind, Covisibility, EntityRef, Item, ItemObservation, Map, MapLimits,
     MapPolicy, Retired, WhenFull, retire,
 };
 use covis_solvers::geometry::LieGroup;
@@ -11,8 +11,8 @@ use crate::map_support::{
 };
 
 fn policy(when_full: WhenFull) -> MapPolicy {
-    let ceilings = Ceilings { max_keyframes: Some(10), ..Ceilings::default() };
-    MapPolicy { ceilings, when_full, ..MapPolicy::default() }
+    let limits = MapLimits { keyframes: Some(10), ..MapLimits::default() };
+    MapPolicy { limits, when_full, ..MapPolicy::default() }
 }
 
 fn retired(journal: &mut Journal) -> Retired {

@@ -393,7 +393,7 @@ fn an_import_never_exceeds_what_the_server_holds() {
         let format = v1::MapFormat::Covis;
         let models = export(&server, "room", v1::MapFormat::ColmapText).await;
         let small = TestServer::with(|config| {
-            config.ceilings.max_landmarks = Some(LANDMARKS as u64 - 1);
+            config.map_limits.landmarks = Some(LANDMARKS as u64 - 1);
         })
         .await;
         for (format, files) in [(format, &files), (v1::MapFormat::ColmapText, &models)] {

@@ -179,7 +179,7 @@ fn a_broken_protocol_ends_the_stream_after_the_acks() {
 }
 
 #[test]
-fn past_a_ceiling_the_stream_ends_and_can_be_tried_again() {
+fn past_a_limit_the_stream_ends_and_can_be_tried_again() {
     run(async {
         let server = TestServer::start().await;
         let limits = v1::MapLimits { max_keyframe_count: Some(1), ..Default::default() };

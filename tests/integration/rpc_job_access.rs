@@ -1,6 +1,6 @@
 //! Who may do what with jobs over a loopback port: roles, tenants and quotas.
 
-use covis::service::TenantLimits;
+use covis::service::engine::{AccountLimits, Resource};
 use covis::wire::v1;
 use tempfile::NamedTempFile;
 use tonic::Code;
@@ -77,13 +77,11 @@ fn tenants_see_their_own_jobs_and_roles_cover_what_a_job_does() {
 #[test]
 fn quotas_refuse_what_would_pass_them() {
     run(async {
-        let limits = TenantLimits {
-            max_pending_jobs: Some(2),
-            max_job_bytes: Some(120_000),
-            ..Default::default()
-        };
+        let limits = AccountLimits::default()
+            .with(Resource::PendingJobs, 2)
+            .with(Resource::JobBytes, 120_000);
         let server = TestServer::with(|config| {
-            config.tenant_limits = limits.into();
+            config.tenant_limits = limits;
             config.test_fault = Some("hold-jobs".to_owned());
         })
         .await;

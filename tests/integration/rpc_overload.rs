@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use covis::client::{Client, Credentials, SessionOptions, Token, WatchOptions};
-use covis::service::TenantLimits;
+use covis::service::engine::AccountLimits;
 use covis::wire::v1;
 use tempfile::NamedTempFile;
 use tokio::sync::mpsc;
@@ -176,7 +176,7 @@ fn a_hostile_tenant_gets_its_own_and_nothing_of_others() {
         let path = tokens.path().to_owned();
         let server = TestServer::with(|config| {
             config.tokens = Some(path);
-            config.tenant_limits = TenantLimits::default().into();
+            config.tenant_limits = AccountLimits::default();
         })
         .await;
         let url = url(&server);
@@ -215,7 +215,7 @@ fn a_hostile_tenant_gets_its_own_and_nothing_of_others() {
                 break;
             }
         }
-        let ended = ended.expect("the ceiling is never reached");
+        let ended = ended.expect("the limit is never reached");
         assert_eq!(ended.reason().as_deref(), Some("TENANT_LIMIT"), "{ended}");
         assert_eq!(bad.get_map("a").await.unwrap().counts.unwrap().keyframe_count, 30);
         // Messages without end.

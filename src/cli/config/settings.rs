@@ -11,8 +11,9 @@ use clap::Arg;
 use serde::Deserialize;
 
 use crate::client::Token;
-use crate::map::Ceilings;
-use crate::service::{ServerConfig, SolveLimits, TenantLimits};
+use crate::map::MapLimits;
+use crate::service::engine::AccountLimits;
+use crate::service::{ServerConfig, SolveLimits};
 
 /// Heading of the flags that all commands have.
 pub const LOG: &str = "Log";
@@ -132,15 +133,15 @@ pub struct Config {
     /// Items that may wait for a map's engine before a stream is slowed down [default: 64].
     #[arg(long, value_name = "N")]
     pub queue_capacity: usize,
-    /// Ceilings of a map, over those of [`ServerConfig`]; in the file only (none).
+    /// Limits of a map, over those of [`ServerConfig`]; in the file only (none).
     #[arg(skip)]
-    pub map_limits: Ceilings,
+    pub map_limits: MapLimits,
     /// Limits of a tenant that has none in the file of tokens; in the file only (none).
     #[arg(skip)]
-    pub tenant_limits: TenantLimits,
+    pub tenant_limits: AccountLimits,
     /// Limits of the server as a whole, over those of [`ServerConfig`]; in the file only (none).
     #[arg(skip)]
-    pub server_limits: TenantLimits,
+    pub server_limits: AccountLimits,
     /// What one solve may take, over the engine's own limits; in the file only (none).
     #[arg(skip)]
     pub solve_limits: SolveLimits,
@@ -214,9 +215,9 @@ impl Default for Config {
             max_connections: server.connections.max_connections,
             max_strangers: server.connections.max_strangers,
             queue_capacity: server.engine.queue_capacity,
-            map_limits: Ceilings::default(),
-            tenant_limits: TenantLimits::default(),
-            server_limits: TenantLimits::default(),
+            map_limits: MapLimits::default(),
+            tenant_limits: AccountLimits::default(),
+            server_limits: AccountLimits::default(),
             solve_limits: SolveLimits::default(),
             server: "http://127.0.0.1:7411".to_owned(),
             ca: None,

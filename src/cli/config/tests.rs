@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use super::{Config, Environment, Texts};
+use crate::service::engine::Resource;
 
 fn environment(variables: &[(&str, &str)]) -> Environment {
     Environment::new(variables.iter().map(|&(k, v)| (OsString::from(k), OsString::from(v))))
@@ -117,11 +118,11 @@ fn limits_of_the_server_stand_over_their_defaults() {
     let path = Some(file.path().to_owned());
     let (config, _) = Config::load(Texts::new(), path, environment(&[])).unwrap();
     let (limits, default) = (config.server_limits, crate::service::default_limits());
-    let limits = limits.over(default);
-    assert_eq!((limits.held.max_bytes, limits.max_watchers), (Some(1000), Some(2)));
-    assert_eq!(limits.max_streams, default.max_streams);
-    let ceilings = config.map_limits.over(&crate::service::default_ceilings());
-    assert_eq!((ceilings.max_cameras, ceilings.max_keyframes), (Some(3), Some(100_000)));
+    let limits = limits.over(&default);
+    assert_eq!((limits.held.bytes, limits.of(Resource::Watchers)), (Some(1000), Some(2)));
+    assert_eq!(limits.of(Resource::Streams), default.of(Resource::Streams));
+    let limits = config.map_limits.over(&crate::service::default_map_limits());
+    assert_eq!((limits.cameras, limits.keyframes), (Some(3), Some(100_000)));
 }
 
 #[test]

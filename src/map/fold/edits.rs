@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::super::ceilings::descriptor_bytes;
+use super::super::usage::descriptor_bytes;
 use super::super::{EntityId, Map, Observation};
 
 /// What a keyframe sees of the landmarks that another one absorbs.

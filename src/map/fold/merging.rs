@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 
 use covis_solvers::geometry::LieGroup;
 
-use super::super::ceilings::image_bytes;
 use super::super::merging::Renaming;
+use super::super::usage::image_bytes;
 use super::super::{Client, ClientIndex, EntityId, Keyframe, Landmark, Map, Merge, MergedMap};
 
 impl Map {

@@ -13,11 +13,11 @@ mod merging;
 
 use covis_solvers::geometry::Sim3;
 
-use super::ceilings::{descriptor_bytes, image_bytes};
 use super::digest::{self, Content};
 use super::frames;
 use super::pending_solve::solve_request;
 use super::scaling;
+use super::usage::{descriptor_bytes, image_bytes};
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
     Landmark, LastRequest, Map, MapError, MapPolicy, NewLandmark, Observation, Observations,

@@ -89,7 +89,7 @@ impl Access {
         self.tokens.is_some() || self.jwt.is_some()
     }
 
-    /// Ceilings of the tenants that have their own.
+    /// Limits of the tenants that have their own.
     pub(super) fn tenant_limits(&self) -> BTreeMap<String, AccountLimits> {
         let known = self.known();
         known.tokens.as_ref().map(Tokens::tenant_limits).unwrap_or_default()

@@ -129,7 +129,7 @@ fn maps_of(error: &mut EngineError) -> [Option<&mut String>; 2] {
         | EngineError::RevisionMismatch { map, .. }
         | EngineError::EpochFenced { map, .. }
         | EngineError::OptimizationRunning { map }
-        | EngineError::Ceiling { map, .. }
+        | EngineError::MapLimit { map, .. }
         | EngineError::RevisionAhead { map, .. }
         | EngineError::NothingToSolve { map }
         | EngineError::Cancelled { map }
@@ -149,7 +149,7 @@ fn maps_of(error: &mut EngineError) -> [Option<&mut String>; 2] {
             | StoreError::Stopped { map, .. }
             | StoreError::Damaged { map, .. },
         ) => Some(map),
-        EngineError::TooLarge { .. } | EngineError::ServerCeiling { .. } => None,
+        EngineError::TooLarge { .. } | EngineError::ServerLimit { .. } => None,
         EngineError::Store(
             StoreError::File { .. }
             | StoreError::Content { .. }
@@ -159,7 +159,7 @@ fn maps_of(error: &mut EngineError) -> [Option<&mut String>; 2] {
         | EngineError::Solve(_)
         | EngineError::NoSuchKeyframe { .. }
         | EngineError::ShuttingDown
-        | EngineError::TenantCeiling { .. }
+        | EngineError::TenantLimit { .. }
         | EngineError::Threads { .. }
         | EngineError::Bug { .. } => None,
     };

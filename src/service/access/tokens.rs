@@ -7,7 +7,7 @@
 //! tenant = "acme"        # left out for the default tenant
 //! role = "write"         # read, write or admin
 //!
-//! [[tenant]]             # ceilings of its own, see `TenantLimits`
+//! [[tenant]]             # limits of its own, see `AccountLimits`
 //! name = "acme"
 //! limits = { max_maps = 20, max_keyframes = 1_000_000, max_streams = 50 }
 //! ```
@@ -26,7 +26,6 @@ use super::rights::Proof;
 use super::{Caller, Role};
 use crate::service::convert::ids::is_name;
 use crate::service::engine::AccountLimits;
-use crate::service::limits::TenantLimits;
 
 /// Longest file, bytes: some 1,700 tokens. The TOML parser may need a hundred times as much memory.
 const MAX_BYTES: usize = 256 << 10;
@@ -100,7 +99,7 @@ struct File {
 #[serde(deny_unknown_fields)]
 struct TenantEntry {
     name: String,
-    limits: TenantLimits,
+    limits: AccountLimits,
 }
 
 #[derive(Deserialize)]
@@ -113,7 +112,7 @@ struct Entry {
     role: Role,
 }
 
-/// The known callers, and the ceilings of tenants.
+/// The known callers, and the limits of tenants.
 #[derive(Debug, Default)]
 pub(in crate::service) struct Tokens {
     /// Callers by the digest of their token.
@@ -168,8 +167,8 @@ impl Tokens {
             if !name.is_empty() && !is_name(&name) {
                 return bad("1 to 63 characters of a-z, 0-9, '_' and '-', or empty");
             }
-            if tenants.insert(name, limits.into()).is_some() {
-                return bad("another one: this tenant has its ceilings already");
+            if tenants.insert(name, limits).is_some() {
+                return bad("another one: this tenant has its limits already");
             }
         }
         Ok(Self { callers: tokens, tenants })
@@ -185,7 +184,7 @@ impl Tokens {
         self.callers.get(digest)
     }
 
-    /// The tenants that have ceilings of their own.
+    /// The tenants that have limits of their own.
     pub(super) fn tenant_limits(&self) -> BTreeMap<String, AccountLimits> {
         self.tenants.clone()
     }

@@ -1,6 +1,6 @@
 //! Maps and their policies.
 //!
-//! Absent fields of a policy get the server's defaults; its ceilings never exceed the server's.
+//! Absent fields of a policy get the server's defaults; its limits never exceed the server's.
 //! Nothing here changes a map.
 
 use super::entities::{clients_by_name, to_client_frame};
@@ -8,20 +8,20 @@ use super::geometry::{geodetic, to_geodetic, to_rigid_transform, to_vector3};
 use super::solve::{gauge, loss, robustness, to_gauge, to_loss, to_robustness};
 use super::time::timestamp;
 use super::{Path, Violations, count, small};
-use crate::map::{Ceilings, Map, MapPolicy, MergedMap, Reason, WhenFull};
+use crate::map::{Counts, Map, MapLimits, MapPolicy, MergedMap, Reason, WhenFull};
 use crate::service::access::shown;
-use crate::service::engine::{MapInfo, MapState};
+use crate::service::engine::{MapInfo, MapState, limit_name};
 use crate::store::Durability;
 use crate::wire::v1;
 
 /// Longest display name, bytes.
 const MAX_DISPLAY_NAME: usize = 256;
 
-/// The ceilings of the server, which a map's can only lower.
+/// The limits of the server, which a map's can only lower.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::service) struct ServerCeilings {
+pub(in crate::service) struct ServerLimits {
     /// What a map may hold.
-    pub map: Ceilings,
+    pub map: MapLimits,
     /// Items of a client that wait for the engine.
     pub queued_items: usize,
 }
@@ -47,7 +47,7 @@ pub(in crate::service) fn display_name(name: &str, out: &mut Violations) -> Opti
 /// The policy of a new map.
 pub(in crate::service) fn policy(
     message: Option<&v1::MapPolicy>,
-    server: &ServerCeilings,
+    server: &ServerLimits,
     out: &mut Violations,
 ) -> Option<MapPolicy> {
     let at = Path::root("policy");
@@ -74,7 +74,7 @@ pub(in crate::service) fn policy(
     let gauge = gauge(at.field("gauge"), m.gauge, out);
     let anchor = m.geodetic_anchor.as_ref();
     let anchor = anchor.map(|place| geodetic(at.field("geodetic_anchor"), place, out));
-    let ceilings = ceilings(at, m.limits.as_ref(), server, out);
+    let limits = limits(at, m.limits.as_ref(), server, out);
     let queued_items = queued_items(at, m.limits.as_ref(), out);
     let when_full = match out.known(at.field("when_full"), m.when_full) {
         Some(v1::WhenFull::Unspecified | v1::WhenFull::Reject) => Some(WhenFull::Reject),
@@ -99,7 +99,7 @@ pub(in crate::service) fn policy(
         observation_loss: observation_loss?.unwrap_or(default.observation_loss),
         constraint_loss: constraint_loss?.unwrap_or(default.constraint_loss),
         max_local_iterations: iterations?,
-        ceilings: ceilings?,
+        limits: limits?,
         when_full: when_full?,
         max_queued_items: queued_items?,
         gauge: gauge?.unwrap_or(default.gauge),
@@ -110,41 +110,31 @@ pub(in crate::service) fn policy(
     })
 }
 
-fn ceilings(
+fn limits(
     at: Path<'_>,
     message: Option<&v1::MapLimits>,
-    server: &ServerCeilings,
+    server: &ServerLimits,
     out: &mut Violations,
-) -> Option<Ceilings> {
+) -> Option<MapLimits> {
     let at = at.field("limits");
     let Some(m) = message else { return Some(server.map) };
-    let mut lower = |name, value: Option<i64>, server: Option<u64>| match value {
-        None => Some(server),
-        Some(value) => {
-            let value = out.within(at.field(name), value, 1, i64::MAX)? as u64;
-            Some(Some(server.map_or(value, |s| s.min(value))))
-        }
+    let wanted = Counts {
+        clients: m.max_client_count,
+        cameras: m.max_camera_count,
+        keyframes: m.max_keyframe_count,
+        landmarks: m.max_landmark_count,
+        observations: m.max_observation_count,
+        constraints: m.max_constraint_count,
+        priors: m.max_prior_count,
+        bytes: m.max_size_bytes,
     };
-    let clients = lower("max_client_count", m.max_client_count, server.map.max_clients);
-    let cameras = lower("max_camera_count", m.max_camera_count, server.map.max_cameras);
-    let keyframes = lower("max_keyframe_count", m.max_keyframe_count, server.map.max_keyframes);
-    let landmarks = lower("max_landmark_count", m.max_landmark_count, server.map.max_landmarks);
-    let observations =
-        lower("max_observation_count", m.max_observation_count, server.map.max_observations);
-    let constraints =
-        lower("max_constraint_count", m.max_constraint_count, server.map.max_constraints);
-    let priors = lower("max_prior_count", m.max_prior_count, server.map.max_priors);
-    let bytes = lower("max_size_bytes", m.max_size_bytes, server.map.max_bytes);
-    Some(Ceilings {
-        max_clients: clients?,
-        max_cameras: cameras?,
-        max_keyframes: keyframes?,
-        max_landmarks: landmarks?,
-        max_observations: observations?,
-        max_constraints: constraints?,
-        max_priors: priors?,
-        max_bytes: bytes?,
-    })
+    let mut is_read = true;
+    let wanted = MapLimits::each(|counted| {
+        let limit = out.within(at.field(limit_name(counted)), wanted.of(counted)?, 1, i64::MAX);
+        is_read &= limit.is_some();
+        limit.map(|limit| limit as u64)
+    });
+    is_read.then(|| wanted.lower(&server.map))
 }
 
 /// Items of a client that may wait, if that is fewer than the server's number.
@@ -163,18 +153,18 @@ fn queued_items(
     }
 }
 
-/// The message of a map's ceilings; absent where there is none.
-pub(in crate::service) fn to_limits(ceilings: &Ceilings, queued_items: usize) -> v1::MapLimits {
+/// The message of a map's limits; absent where there is none.
+pub(in crate::service) fn to_limits(limits: &MapLimits, queued_items: usize) -> v1::MapLimits {
     let limit = |value: Option<u64>| value.map(|v| i64::try_from(v).unwrap_or(i64::MAX));
     v1::MapLimits {
-        max_keyframe_count: limit(ceilings.max_keyframes),
-        max_landmark_count: limit(ceilings.max_landmarks),
-        max_observation_count: limit(ceilings.max_observations),
-        max_size_bytes: limit(ceilings.max_bytes),
-        max_client_count: limit(ceilings.max_clients),
-        max_camera_count: limit(ceilings.max_cameras),
-        max_constraint_count: limit(ceilings.max_constraints),
-        max_prior_count: limit(ceilings.max_priors),
+        max_keyframe_count: limit(limits.keyframes),
+        max_landmark_count: limit(limits.landmarks),
+        max_observation_count: limit(limits.observations),
+        max_size_bytes: limit(limits.bytes),
+        max_client_count: limit(limits.clients),
+        max_camera_count: limit(limits.cameras),
+        max_constraint_count: limit(limits.constraints),
+        max_prior_count: limit(limits.priors),
         max_queued_item_count: Some(small(queued_items)),
     }
 }
@@ -193,7 +183,7 @@ pub(in crate::service) fn to_policy(policy: &MapPolicy, queued_items: usize) -> 
         closure_adjustment: Some(policy.closure_adjustment),
         place_recognition: Some(v1::PlaceRecognition { enabled: Some(policy.place_recognition) }),
         max_iteration_count: Some(small(policy.max_local_iterations)),
-        limits: Some(to_limits(&policy.ceilings, queued(policy, queued_items))),
+        limits: Some(to_limits(&policy.limits, queued(policy, queued_items))),
         loop_closure_robustness: Some(to_robustness(&policy.loop_closure_robustness)),
         when_full: match policy.when_full {
             WhenFull::Reject => v1::WhenFull::Reject,

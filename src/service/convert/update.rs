@@ -4,7 +4,7 @@
 //! the server's default, as in `CreateMap`. The map's present policy is known to the engine only, so
 //! that the change is a function of it.
 
-use super::map::{ServerCeilings, display_name, policy};
+use super::map::{ServerLimits, display_name, policy};
 use super::{Path, Violations, ids};
 use crate::map::{MapPolicy, Reason};
 use crate::service::engine::{MapUpdate, PolicyUpdate};
@@ -40,7 +40,7 @@ macro_rules! limit {
                 let limit = from.limits.as_ref().and_then(|limits| limits.$wire);
                 to.limits.get_or_insert_default().$wire = limit;
             },
-            take: |from, to| to.ceilings.$map = from.ceilings.$map,
+            take: |from, to| to.limits.$map = from.limits.$map,
         }
     };
 }
@@ -64,14 +64,14 @@ const FIELDS: [Field; 22] = [
     field!(max_iteration_count, max_local_iterations),
     field!(loop_closure_robustness, loop_closure_robustness),
     field!(when_full, when_full),
-    limit!(max_keyframe_count, max_keyframes),
-    limit!(max_landmark_count, max_landmarks),
-    limit!(max_observation_count, max_observations),
-    limit!(max_size_bytes, max_bytes),
-    limit!(max_client_count, max_clients),
-    limit!(max_camera_count, max_cameras),
-    limit!(max_constraint_count, max_constraints),
-    limit!(max_prior_count, max_priors),
+    limit!(max_keyframe_count, keyframes),
+    limit!(max_landmark_count, landmarks),
+    limit!(max_observation_count, observations),
+    limit!(max_size_bytes, bytes),
+    limit!(max_client_count, clients),
+    limit!(max_camera_count, cameras),
+    limit!(max_constraint_count, constraints),
+    limit!(max_prior_count, priors),
     Field {
         path: "limits.max_queued_item_count",
         copy: |from, to| {
@@ -87,7 +87,7 @@ const FIELDS: [Field; 22] = [
 /// The change that a request asks for.
 pub(in crate::service) fn update(
     request: &v1::UpdateMapRequest,
-    server: &ServerCeilings,
+    server: &ServerLimits,
     out: &mut Violations,
 ) -> Option<MapUpdate> {
     let at = Path::root("update_mask");
@@ -153,7 +153,7 @@ fn is_frozen(state: i32, out: &mut Violations) -> Option<bool> {
 fn new_policy(
     message: Option<&v1::MapPolicy>,
     fields: Vec<&'static Field>,
-    server: &ServerCeilings,
+    server: &ServerLimits,
     out: &mut Violations,
 ) -> Option<PolicyUpdate> {
     let mut wanted = v1::MapPolicy::default();

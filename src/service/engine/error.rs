@@ -70,20 +70,20 @@ pub enum EngineError {
     /// Another optimization runs on the map.
     #[error("another optimization runs on map {map:?}")]
     OptimizationRunning { map: String },
-    /// An item would exceed a ceiling of the map. It was not accepted, but it is not invalid.
+    /// An item would exceed a limit of the map. It was not accepted, but it is not invalid.
     #[error("map {map:?} is full: {limit} is {maximum}")]
-    Ceiling {
+    MapLimit {
         map: String,
-        /// The ceiling, as the wire names it.
+        /// The limit, as the wire names it.
         limit: &'static str,
         maximum: i64,
     },
-    /// A request would exceed a ceiling of its tenant. It was not done, but it is not invalid.
+    /// A request would exceed a limit of its tenant. It was not done, but it is not invalid.
     #[error("the tenant is full: {limit} is {maximum}")]
-    TenantCeiling { limit: &'static str, maximum: i64 },
+    TenantLimit { limit: &'static str, maximum: i64 },
     /// A request would exceed a limit of the server. It was not done, but it is not invalid.
     #[error("the server is full: {limit} is {maximum}")]
-    ServerCeiling {
+    ServerLimit {
         /// The limit, as the wire names it.
         limit: &'static str,
         maximum: i64,

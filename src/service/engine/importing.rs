@@ -34,10 +34,10 @@ impl ImportRoom {
     /// Reserves room for what was read so far. Counts never fall.
     ///
     /// # Errors
-    /// [`EngineError::Ceiling`], [`EngineError::TenantCeiling`], [`EngineError::ServerCeiling`].
+    /// [`EngineError::MapLimit`], [`EngineError::TenantLimit`], [`EngineError::ServerLimit`].
     pub fn reach(&mut self, usage: Usage) -> Result<(), EngineError> {
-        let ceilings = self.account.limits().held;
-        if let Some(exceeded) = ceilings.exceeded(Usage::default(), usage) {
+        let limits = self.account.limits().held;
+        if let Some(exceeded) = limits.exceeded(Usage::default(), usage) {
             return Err(self.account.exceeded(exceeded));
         }
         let growth = usage - self.reached;
@@ -60,8 +60,8 @@ impl Maps {
     /// Begins the import of a map.
     ///
     /// # Errors
-    /// [`EngineError::MapExists`], [`EngineError::TenantCeiling`] and
-    /// [`EngineError::ServerCeiling`] for too many streams, [`EngineError::ShuttingDown`].
+    /// [`EngineError::MapExists`], [`EngineError::TenantLimit`] and
+    /// [`EngineError::ServerLimit`] for too many streams, [`EngineError::ShuttingDown`].
     pub async fn begin_import(&self, name: &str) -> Result<ImportRoom, EngineError> {
         self.check_free(name).await?;
         let account = self.inner.pool.accounts().of_map(name);

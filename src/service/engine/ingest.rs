@@ -1,7 +1,7 @@
 //! Ingest: the open streams, the queue of their items, and whether an item is accepted.
 //!
 //! A client has at most one open stream: the one with the newest epoch. A bad item is rejected and
-//! the stream continues; a ceiling, a failing journal or a bug ends it. A client that does not read
+//! the stream continues; a limit, a failing journal or a bug ends it. A client that does not read
 //! its events runs out of permits and has to wait. This part decides; the actor commits.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -22,7 +22,7 @@ use crate::map::{
     Rejection, Retired, Usage,
 };
 
-/// No keyframe is retired for an item if this many of its size would exceed a ceiling.
+/// No keyframe is retired for an item if this many of its size would exceed a limit.
 const LARGEST_SHARE: u64 = 4;
 
 /// The bound of an item's growth is reserved only if there is room for this many times the bound.
@@ -261,7 +261,7 @@ impl Ingest {
     /// the change was applied or has failed.
     pub(super) fn reserve(&mut self, map: &Map, change: &Change) -> Capacity {
         let account = &self.shared.account;
-        let ceilings = map.policy().ceilings.lower(&account.limits().held);
+        let limits = map.policy().limits.lower(&account.limits().held);
         // A slow disk fills the memory of the server: the limit covers the journals of all maps
         // together.
         if let Err(error) = account.reserve(Resource::JournalBytes, 1) {
@@ -271,12 +271,12 @@ impl Ingest {
         let bound = map.growth_bound(change);
         // Far from every limit the bound is enough; near a limit it would refuse items that have
         // room.
-        let is_far = ceilings.exceeded(usage, bound * FAR).is_none();
+        let is_far = limits.exceeded(usage, bound * FAR).is_none();
         if is_far && self.entities.have_room(bound * FAR) && self.entities.grow(bound).is_ok() {
             return Capacity::Available;
         }
         let growth = map.growth(change);
-        let Some(exceeded) = ceilings.exceeded(usage, growth) else {
+        let Some(exceeded) = limits.exceeded(usage, growth) else {
             return self
                 .entities
                 .grow(growth)
@@ -285,7 +285,7 @@ impl Ingest {
         // A change that would push out a large part of the map is refused: it can only be a
         // mistake.
         let alone = Usage { keyframes: 0, ..growth };
-        let is_huge = ceilings.exceeded(alone * (LARGEST_SHARE - 1), alone).is_some();
+        let is_huge = limits.exceeded(alone * (LARGEST_SHARE - 1), alone).is_some();
         if is_huge {
             Capacity::Refused(account.exceeded(exceeded))
         } else {

@@ -36,14 +36,14 @@ pub(super) struct Left {
 }
 
 /// # Errors
-/// [`EngineError::Ceiling`] and its kin where `map` has no room for the content of another one.
+/// [`EngineError::MapLimit`] and its kin where `map` has no room for the content of another one.
 pub(super) fn check_room(
     account: &Arc<Account>,
     map: &Map,
     content: Usage,
 ) -> Result<(), EngineError> {
-    let ceilings = map.policy().ceilings.lower(&account.limits().held);
-    match ceilings.exceeded(map.usage(), content) {
+    let limits = map.policy().limits.lower(&account.limits().held);
+    match limits.exceeded(map.usage(), content) {
         Some(exceeded) => Err(account.exceeded(exceeded)),
         None => Ok(()),
     }

@@ -112,7 +112,7 @@ impl Maps {
     /// # Errors
     /// [`EngineError::MapNotFound`], [`EngineError::NotAligned`], [`EngineError::CannotMerge`],
     /// [`EngineError::NoSuchKeyframe`], [`EngineError::Frozen`], [`EngineError::Poisoned`],
-    /// [`EngineError::Ceiling`], [`EngineError::ShuttingDown`]; both maps are then as they were.
+    /// [`EngineError::MapLimit`], [`EngineError::ShuttingDown`]; both maps are then as they were.
     /// [`EngineError::Store`]; where the target has the content already, the source takes nothing until a
     /// further call or a restart has deleted it.
     pub async fn merge(
@@ -278,8 +278,8 @@ impl Maps {
     ///
     /// # Errors
     /// [`EngineError::MapNotFound`], [`EngineError::NotMerged`], [`EngineError::Frozen`],
-    /// [`EngineError::Poisoned`], [`EngineError::Store`], [`EngineError::TenantCeiling`],
-    /// [`EngineError::ServerCeiling`], [`EngineError::ShuttingDown`].
+    /// [`EngineError::Poisoned`], [`EngineError::Store`], [`EngineError::TenantLimit`],
+    /// [`EngineError::ServerLimit`], [`EngineError::ShuttingDown`].
     pub async fn undo_merge(
         &self,
         target: &str,

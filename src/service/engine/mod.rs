@@ -69,7 +69,8 @@ mod watching;
 use covis_solvers::price::Ceiling;
 
 pub use account::{
-    Account, AccountLimits, AccountRow, Accounts, Reservation, Resource, SEPARATOR, tenant_of,
+    Account, AccountLimits, AccountRow, Accounts, Reservation, Resource, SEPARATOR, limit_name,
+    tenant_of,
 };
 pub use cancellation::Cancellation;
 pub use compacting::Compacted;

@@ -11,8 +11,8 @@
 use std::any::Any;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use covis_solvers::price::{Ceiling, Price};
@@ -21,6 +21,7 @@ use tokio::sync::oneshot;
 use super::fair_queue::{FairQueue, Turn};
 use super::{Account, Accounts, EngineError, Resource};
 use crate::map::{Map, Usage};
+use crate::sync::Mutex;
 
 /// Most work of a small solve in all its iterations, flop. By the bound, a window of ten keyframes
 /// with 400 observations each takes a tenth of this in ten iterations.
@@ -196,7 +197,7 @@ impl SolverPool {
         });
         let waiting = Waiting { work, bytes: estimate.bytes(), account: Arc::clone(account) };
         let is_small = estimate.is_small();
-        self.workers(is_small).lock().push(&Arc::from(account.tenant()), waiting);
+        self.workers(is_small).queue.lock().push(&Arc::from(account.tenant()), waiting);
         self.begin(is_small);
         answer
     }
@@ -268,7 +269,7 @@ impl SolverPool {
     fn begin(self: &Arc<Self>, is_small: bool) {
         let workers = self.workers(is_small);
         loop {
-            let mut queue = workers.lock();
+            let mut queue = workers.queue.lock();
             let next = queue.next(
                 |tenant, running, waiting| self.tenant_may(tenant, running, waiting),
                 |running, waiting| is_small || running == 0 || self.fits(waiting),
@@ -300,20 +301,20 @@ impl SolverPool {
         let held = account.held(Resource::RunningSolveBytes);
         let more = held.saturating_add(waiting.bytes);
         running == 0
-            || (limits.max_solves.is_none_or(|most| running < most)
-                && limits.max_running_solve_bytes.is_none_or(|most| more <= most))
+            || (limits.of(Resource::Solves).is_none_or(|most| running < most)
+                && limits.of(Resource::RunningSolveBytes).is_none_or(|most| more <= most))
     }
 
     /// Whether the server has the memory for one more solve.
     fn fits(&self, waiting: &Waiting) -> bool {
         let server = self.accounts.server();
         let more = server.held(Resource::RunningSolveBytes).saturating_add(waiting.bytes);
-        server.limits().max_running_solve_bytes.is_none_or(|most| more <= most)
+        server.limits().of(Resource::RunningSolveBytes).is_none_or(|most| more <= most)
     }
 
     fn ended(self: &Arc<Self>, is_small: bool, turn: &Turn, begin: Instant) {
         let took_ns = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        self.workers(is_small).lock().ended(turn, took_ns);
+        self.workers(is_small).queue.lock().ended(turn, took_ns);
         self.begin(is_small);
         if is_small {
             // A large solve may wait for the memory that is now free.
@@ -336,10 +337,6 @@ impl Workers {
             .build();
         let threads = pool.map_err(|_error| EngineError::Threads { count })?;
         Ok(Self { threads: Some(threads), queue: Mutex::new(FairQueue::new(count)) })
-    }
-
-    fn lock(&self) -> MutexGuard<'_, FairQueue<Waiting>> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -185,11 +185,11 @@ impl Permit {
                 AckStatus::Durable | AckStatus::Optimized { .. } => {}
             },
             StreamEvent::End(
-                EngineError::Ceiling { .. }
-                | EngineError::TenantCeiling { .. }
-                | EngineError::ServerCeiling { .. },
+                EngineError::MapLimit { .. }
+                | EngineError::TenantLimit { .. }
+                | EngineError::ServerLimit { .. },
             ) => {
-                meters.ceiling.increment();
+                meters.at_limit.increment();
             }
             StreamEvent::End(_) => {}
         }

@@ -15,7 +15,7 @@ use tonic::Streaming;
 use self::upload::{Import, Pipe, files, one_file, pipe};
 use super::access::Caller;
 use super::context::Context;
-use super::convert::map::{ServerCeilings, display_name, policy, to_limits, to_map, to_policy};
+use super::convert::map::{ServerLimits, display_name, policy, to_limits, to_map, to_policy};
 use super::convert::{Path, convert, ids};
 use super::engine::{EngineError, ImportRoom, ImportedAs};
 use super::error::ServiceError;
@@ -59,14 +59,14 @@ pub(super) async fn import(
     caller: &Caller,
     inbound: Streaming<v1::ImportMapRequest>,
 ) -> Result<v1::ImportMapResponse, ServiceError> {
-    let ceilings = context.ceilings();
+    let limits = context.limits();
     let mut upload = Import::new(context, inbound);
-    let header = header(upload.header().await?, caller, &ceilings)?;
+    let header = header(upload.header().await?, caller, &limits)?;
     let Header { name, imported, format, client } = header;
     let room = context.maps.begin_import(&name).await?;
     let (content, room, imported) = match format {
         Format::Covis => {
-            let (content, kept, room) = own(&mut upload, room, &ceilings).await?;
+            let (content, kept, room) = own(&mut upload, room, &limits).await?;
             let policy = imported.policy.unwrap_or(kept);
             if !content.keeps_anchor(&policy) {
                 let text = "the file has positions that were measured from another anchor";
@@ -79,7 +79,7 @@ pub(super) async fn import(
             let (files, room) = files(&mut upload, room).await?;
             let policy = match imported.policy {
                 Some(policy) => policy,
-                None => convert(|out| policy(None, &ceilings, out))?,
+                None => convert(|out| policy(None, &limits, out))?,
             };
             let built = move || models::build(format, &files, &client, policy, room);
             let (content, room) = Context::blocking(built).await?;
@@ -87,20 +87,20 @@ pub(super) async fn import(
         }
     };
     let info = context.maps.import(room, &name, content, imported).await?;
-    Ok(v1::ImportMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
+    Ok(v1::ImportMapResponse { map: Some(to_map(&info, limits.queued_items)) })
 }
 
 fn header(
     message: v1::ImportMapHeader,
     caller: &Caller,
-    ceilings: &ServerCeilings,
+    limits: &ServerLimits,
 ) -> Result<Header, ServiceError> {
     let header = convert(|out| {
         let map_id = ids::map_id(&message.map_id, out);
         let name = display_name(&message.display_name, out);
         let kept = match &message.policy {
             None => Some(None),
-            Some(wanted) => policy(Some(wanted), ceilings, out).map(Some),
+            Some(wanted) => policy(Some(wanted), limits, out).map(Some),
         };
         let client = match message.client_id.as_str() {
             "" => Some(DEFAULT_CLIENT.to_owned()),
@@ -134,7 +134,7 @@ fn header(
 async fn own(
     upload: &mut Import<'_>,
     mut room: ImportRoom,
-    ceilings: &ServerCeilings,
+    limits: &ServerLimits,
 ) -> Result<(Map, MapPolicy, ImportRoom), ServiceError> {
     let (sender, mut input) = pipe();
     let reading = tokio::task::spawn_blocking(move || {
@@ -164,7 +164,7 @@ async fn own(
     }
     let map = read.map_err(|error| unreadable(&path, &error))?;
     clients_are_named(&map, &path)?;
-    let policy = kept_policy(&map, &path, ceilings)?;
+    let policy = kept_policy(&map, &path, limits)?;
     Ok((map, policy, room))
 }
 
@@ -186,27 +186,23 @@ fn clients_are_named(map: &Map, path: &str) -> Result<(), ServiceError> {
     })
 }
 
-/// The policy of an imported map, checked with its name as what a client sends. Its ceilings are never
+/// The policy of an imported map, checked with its name as what a client sends. Its limits are never
 /// above those of this server.
-fn kept_policy(
-    map: &Map,
-    path: &str,
-    ceilings: &ServerCeilings,
-) -> Result<MapPolicy, ServiceError> {
+fn kept_policy(map: &Map, path: &str, limits: &ServerLimits) -> Result<MapPolicy, ServiceError> {
     let MapPolicy { max_queued_items, .. } = *map.policy();
-    let mut message = to_policy(map.policy(), ceilings.queued_items);
+    let mut message = to_policy(map.policy(), limits.queued_items);
     message.limits = Some(v1::MapLimits {
         max_queued_item_count: None,
-        ..to_limits(&map.policy().ceilings, ceilings.queued_items)
+        ..to_limits(&map.policy().limits, limits.queued_items)
     });
     let checked = convert(|out| {
         display_name(map.display_name(), out)?;
-        policy(Some(&message), ceilings, out)
+        policy(Some(&message), limits, out)
     });
     let checked = checked.map_err(|rejection| {
         ServiceError::field("chunk.data", Reason::Inconsistent, format!("{path}: {rejection}"))
     })?;
     let max_queued_items = max_queued_items.map(|items| items.clamp(1, 65_536));
-    let ceilings = map.policy().ceilings.lower(&checked.ceilings);
-    Ok(MapPolicy { max_queued_items, ceilings, ..*map.policy() })
+    let limits = map.policy().limits.lower(&checked.limits);
+    Ok(MapPolicy { max_queued_items, limits, ..*map.policy() })
 }

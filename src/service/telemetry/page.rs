@@ -130,7 +130,7 @@ fn items(text: &mut Text, engine: &EngineMeters) {
     family
         .row(&[("outcome", "received")], engine.received.get())
         .row(&[("outcome", "duplicate")], engine.duplicate.get())
-        .row(&[("outcome", "ceiling")], engine.ceiling.get());
+        .row(&[("outcome", "ceiling")], engine.at_limit.get());
     for (reason, count) in engine.rejected() {
         family.row(&[("outcome", "rejected"), ("reason", reason)], count.get());
     }

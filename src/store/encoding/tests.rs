@@ -14,9 +14,9 @@ use proptest::prelude::*;
 
 use super::{EncodingError, compare_map, decode_event, decode_map, encode_event, encode_map};
 use crate::map::{
-    Affected, AppliedSolve, CameraEntity, Cause, Ceilings, Change, Client, ClientIndex,
-    ClosureRobustness, Comparison, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind,
-    EntityId, Event, Gauge, Link, Map, MapParts, MapPolicy, NewLandmark, Observation, PendingSolve,
+    Affected, AppliedSolve, CameraEntity, Cause, Change, Client, ClientIndex, ClosureRobustness,
+    Comparison, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event,
+    Gauge, Link, Map, MapLimits, MapParts, MapPolicy, NewLandmark, Observation, PendingSolve,
     PlaceCandidate, PlaceRefusal, PlaceSearch, Prior, Retired, SharedMap, SolveKind, SolveRequest,
     SwitchedOff, WhenFull,
 };
@@ -95,12 +95,12 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             kernel: Some(Kernel::GemanMcClure),
             threshold: Some(-0.0),
         },
-        ceilings: Ceilings {
-            max_keyframes: Some(0),
-            max_landmarks: None,
-            max_observations: Some(9),
-            max_bytes: Some(1 << 40),
-            ..Ceilings::default()
+        limits: MapLimits {
+            keyframes: Some(0),
+            landmarks: None,
+            observations: Some(9),
+            bytes: Some(1 << 40),
+            ..MapLimits::default()
         },
         when_full: WhenFull::Sparsify,
         max_queued_items: Some(3),
@@ -115,12 +115,12 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         max_queued_items: None,
         gauge: Gauge::FixedPoses,
         geodetic_anchor: None,
-        ceilings: Ceilings {
-            max_clients: Some(1),
-            max_cameras: Some(2),
-            max_constraints: Some(3),
-            max_priors: Some(u64::MAX),
-            ..policy.ceilings
+        limits: MapLimits {
+            clients: Some(1),
+            cameras: Some(2),
+            constraints: Some(3),
+            priors: Some(u64::MAX),
+            ..policy.limits
         },
         ..policy
     };

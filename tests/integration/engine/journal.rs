@@ -199,7 +199,7 @@ async fn journals_that_wait_for_the_disk_have_a_limit_and_the_map_goes_on_behind
     let flushed = watch::Sender::new(Flushed { through: 1, ..Flushed::default() });
     let last = AtomicU64::new(u64::MAX);
     let store = DiskStore { memory: MemoryStore::new(), last, flushed: Some(flushed.clone()) };
-    let server = AccountLimits { max_journal_bytes: Some(1000), ..AccountLimits::default() };
+    let server = AccountLimits::default().with(Resource::JournalBytes, 1000);
     let accounts = Accounts::new(server, AccountLimits::default(), AccountLimits::default());
     let pool = SolverPool::shared_by(accounts, 1).unwrap();
     let maps = Maps::open(Arc::new(store), pool, EngineConfig::default()).await.unwrap();
@@ -208,7 +208,7 @@ async fn journals_that_wait_for_the_disk_have_a_limit_and_the_map_goes_on_behind
     // The opening waits for the disk already.
     let mut client = Client::open(&map).await;
     client.send(crate::map_support::camera_item(0)).await;
-    let full = EngineError::ServerCeiling { limit: "max_journal_bytes", maximum: 1000 };
+    let full = EngineError::ServerLimit { limit: "max_journal_bytes", maximum: 1000 };
     assert_eq!(client.end().await, full);
     flushed.send_replace(Flushed { through: 2, ..Flushed::default() });
     while map.account().held(Resource::JournalBytes) > 0 {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use covis::map::{ConstraintKind, EntityRef, Item, MapPolicy, MergeError};
 use covis::service::engine::{
     AccountLimits, Accounts, AckStatus, EngineConfig, EngineError, MapHandle, MapState, Maps,
-    MergeOutcome, MergeRequest, SolverPool,
+    MergeOutcome, MergeRequest, Resource, SolverPool,
 };
 use covis::store::{Flushed, MemoryStore, Store, StoreError};
 use covis_solvers::geometry::{LieGroup, Se3};
@@ -179,13 +179,13 @@ async fn a_robot_at_work_that_has_sent_nothing_is_not_taken_for_another_one() {
 
 #[tokio::test]
 async fn a_merge_that_is_larger_than_what_may_wait_for_the_disk_is_refused() {
-    let server = AccountLimits { max_journal_bytes: Some(1000), ..AccountLimits::default() };
+    let server = AccountLimits::default().with(Resource::JournalBytes, 1000);
     let accounts = Accounts::new(server, AccountLimits::default(), AccountLimits::default());
     let pool = SolverPool::shared_by(accounts, 1).unwrap();
     let store = Arc::new(MemoryStore::new());
     let maps = Maps::open(store, pool, EngineConfig::default()).await.unwrap();
     fill(&maps).await;
-    let full = EngineError::ServerCeiling { limit: "max_journal_bytes", maximum: 1000 };
+    let full = EngineError::ServerLimit { limit: "max_journal_bytes", maximum: 1000 };
     assert_eq!(merge(&maps).await.unwrap_err(), full);
     assert_eq!(open(&maps.get("run").unwrap()).await.unwrap(), 5);
 }

@@ -1,6 +1,6 @@
-//! Streams: the order of acks, duplicates, rejections, epochs, resume, ceilings, ends.
+//! Streams: the order of acks, duplicates, rejections, epochs, resume, limits, ends.
 
-use covis::map::{Ceilings, Depth, Item, ItemObservation, MapPolicy, Reason, Rejection};
+use covis::map::{Depth, Item, ItemObservation, MapLimits, MapPolicy, Reason, Rejection};
 use covis::service::engine::{Ack, AckStatus, EngineConfig, EngineError, StreamEvent};
 
 use super::{Client, Fixture, digest, noisy_keyframe, noisy_pose, open, optimized};
@@ -158,14 +158,14 @@ async fn a_newer_epoch_fences_the_older_stream_and_resumes() {
 }
 
 #[tokio::test]
-async fn a_ceiling_ends_the_stream_and_rejects_nothing() {
+async fn a_limit_ends_the_stream_and_rejects_nothing() {
     let fixture = Fixture::plain().await;
-    let ceilings = Ceilings { max_keyframes: Some(2), ..Ceilings::default() };
-    let map = fixture.map(MapPolicy { ceilings, ..MapPolicy::default() }).await;
+    let limits = MapLimits { keyframes: Some(2), ..MapLimits::default() };
+    let map = fixture.map(MapPolicy { limits, ..MapPolicy::default() }).await;
     let mut client = Client::open(&map).await;
     client.send_street(0..3).await;
     let expected =
-        EngineError::Ceiling { map: "house".to_owned(), limit: "max_keyframe_count", maximum: 2 };
+        EngineError::MapLimit { map: "house".to_owned(), limit: "max_keyframe_count", maximum: 2 };
     assert_eq!(client.end().await, expected);
     assert_eq!(map.snapshot().await.unwrap().keyframes().len(), 2);
     assert_eq!(Client::open(&map).await.sequence, 4);

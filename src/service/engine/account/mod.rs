@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use std::sync::{Arc, PoisonError, RwLock};
 
 mod resource;
 #[cfg(test)]
@@ -17,9 +17,10 @@ mod tests;
 
 use super::EngineError;
 use crate::map::{Counted, Exceeded, Usage};
+use crate::sync::Mutex;
 use resource::{Owner, name_of};
 
-pub use resource::{AccountLimits, AccountRow, Resource};
+pub use resource::{AccountLimits, AccountRow, Resource, limit_name};
 
 /// Separates the tenant and the name of a map; neither part contains it.
 pub const SEPARATOR: char = '.';
@@ -102,13 +103,13 @@ impl Account {
     /// The entities of its maps.
     #[must_use]
     pub fn entities(&self) -> Usage {
-        *self.lock()
+        *self.entities.lock()
     }
 
     /// Reserves `amount` of a resource here and in the accounts above.
     ///
     /// # Errors
-    /// [`EngineError::Ceiling`], [`EngineError::TenantCeiling`] or [`EngineError::ServerCeiling`]
+    /// [`EngineError::MapLimit`], [`EngineError::TenantLimit`] or [`EngineError::ServerLimit`]
     /// of the first account whose limit would be exceeded; then nothing is reserved.
     pub fn reserve(
         self: &Arc<Self>,
@@ -159,15 +160,15 @@ impl Account {
     pub(super) fn full(&self, limit: &'static str, maximum: u64) -> EngineError {
         let maximum = i64::try_from(maximum).unwrap_or(i64::MAX);
         match self.owner {
-            Owner::Map => EngineError::Ceiling { map: self.name.clone(), limit, maximum },
-            Owner::Tenant => EngineError::TenantCeiling { limit, maximum },
-            Owner::Server => EngineError::ServerCeiling { limit, maximum },
+            Owner::Map => EngineError::MapLimit { map: self.name.clone(), limit, maximum },
+            Owner::Tenant => EngineError::TenantLimit { limit, maximum },
+            Owner::Server => EngineError::ServerLimit { limit, maximum },
         }
     }
 
-    /// The error of a ceiling of entities that would be exceeded.
+    /// The error of a limit of entities that would be exceeded.
     pub(super) fn exceeded(&self, Exceeded { counted, maximum }: Exceeded) -> EngineError {
-        self.full(self.owner.ceiling_of(counted), maximum)
+        self.full(self.owner.limit_of_counted(counted), maximum)
     }
 
     /// Everything that is counted, by name: how much the account holds, and the lowest limit among
@@ -177,7 +178,9 @@ impl Account {
         let lowest = |limit: &dyn Fn(&AccountLimits) -> Option<u64>| {
             self.chain().filter_map(|account| limit(&account.limits())).min()
         };
-        let resources = Resource::ALL.map(|resource| AccountRow {
+        // The pool alone knows which solves run.
+        let reserved = Resource::ALL.into_iter().filter(|&resource| resource != Resource::Solves);
+        let resources = reserved.map(|resource| AccountRow {
             name: resource.name(),
             held: self.held(resource),
             limit: lowest(&|limits| limits.of(resource)),
@@ -188,11 +191,7 @@ impl Account {
             held: entities.of(counted),
             limit: lowest(&|limits| limits.held.of(counted)),
         });
-        resources.into_iter().chain(counts).collect()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Usage> {
-        self.entities.lock().unwrap_or_else(PoisonError::into_inner)
+        resources.chain(counts).collect()
     }
 }
 
@@ -262,21 +261,21 @@ impl HeldEntities {
     }
 
     /// Reserves what a change of the map would add. Checks the limits of the accounts above the
-    /// map's; the caller checks the map's own ceilings, because it may make room.
+    /// map's; the caller checks the map's own limits, because it may make room.
     ///
     /// # Errors
-    /// [`EngineError::TenantCeiling`], [`EngineError::ServerCeiling`]; then nothing is reserved.
+    /// [`EngineError::TenantLimit`], [`EngineError::ServerLimit`]; then nothing is reserved.
     pub(super) fn grow(&mut self, growth: Usage) -> Result<(), EngineError> {
         for account in self.account.chain() {
-            let ceilings = account.limits().held;
-            let mut entities = account.lock();
+            let limits = account.limits().held;
+            let mut entities = account.entities.lock();
             let exceeded =
-                ceilings.exceeded(*entities, growth).filter(|_| account.owner != Owner::Map);
+                limits.exceeded(*entities, growth).filter(|_| account.owner != Owner::Map);
             if let Some(exceeded) = exceeded {
                 drop(entities);
                 let taken = self.account.chain().take_while(|taken| !std::ptr::eq(*taken, account));
                 taken.for_each(|taken| {
-                    let mut entities = taken.lock();
+                    let mut entities = taken.entities.lock();
                     *entities = *entities - growth;
                 });
                 return Err(account.exceeded(exceeded));
@@ -297,7 +296,7 @@ impl HeldEntities {
     /// Sets the map's entities to `now`, after a change was applied or has failed.
     pub(super) fn update(&mut self, now: Usage) {
         for account in self.account.chain() {
-            let mut entities = account.lock();
+            let mut entities = account.entities.lock();
             *entities = *entities - self.counted + now;
         }
         self.counted = now;
@@ -347,7 +346,7 @@ impl Accounts {
     /// Sets the limits of the tenants in `own`; all other tenants have the common limits. What is
     /// held already is kept.
     pub fn set_tenants(&self, own: BTreeMap<String, AccountLimits>) {
-        let mut known = self.lock();
+        let mut known = self.known.lock();
         known.own = own;
         for (name, tenant) in &known.tenants {
             tenant.set_limits(known.own.get(name).copied().unwrap_or(known.common));
@@ -363,7 +362,7 @@ impl Accounts {
     /// The account of the tenant called `name`.
     #[must_use]
     pub fn tenant(&self, name: &str) -> Arc<Account> {
-        let mut known = self.lock();
+        let mut known = self.known.lock();
         if let Some(tenant) = known.tenants.get(name) {
             return Arc::clone(tenant);
         }
@@ -378,11 +377,7 @@ impl Accounts {
     #[must_use]
     pub(super) fn of_map(&self, map: &str) -> Arc<Account> {
         let tenant = self.tenant(tenant_of(map));
-        let limits = self.lock().maps;
+        let limits = self.known.lock().maps;
         Account::new(Owner::Map, map, Some(&tenant), limits)
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Known> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

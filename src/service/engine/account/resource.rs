@@ -1,10 +1,14 @@
-//! The resources that accounts count, their limits, and the names of both: on the wire in errors,
-//! in `GetServerInfo`, and on the metrics page. This module has no state.
+//! The resources that accounts count, their limits, and the names of both: in files of limits, on the
+//! wire in errors, in `GetServerInfo`, and on the metrics page. This module has no state.
 
-use crate::map::{Ceilings, Counted};
+use std::collections::BTreeMap;
+
+use serde::de::{Deserialize, Deserializer, Error as _};
+
+use crate::map::{Counted, Counts, MapLimits};
 
 /// A resource that is reserved. Entities of maps are counted separately.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Resource {
     /// Maps, including those that are being created.
     Maps,
@@ -18,17 +22,20 @@ pub enum Resource {
     WaitingSolves,
     /// Estimated bytes of the running solves; a solve that would exceed the limit waits.
     RunningSolveBytes,
-    /// Bytes of journals that wait for the disk.
+    /// Bytes of journals that wait for the disk. One map has at most 64 MiB; then its items wait.
     JournalBytes,
     /// Jobs that wait or run.
     PendingJobs,
-    /// Bytes of the files of jobs: what was uploaded for them, and what they made.
+    /// Bytes of the files of jobs: what was uploaded for them, and what they made. A job without files
+    /// counts 4 KiB.
     JobBytes,
+    /// Solves that run at once, small and large ones counted separately. The pool counts them.
+    Solves,
 }
 
 impl Resource {
     /// All resources.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Maps,
         Self::Streams,
         Self::Watchers,
@@ -38,65 +45,112 @@ impl Resource {
         Self::JournalBytes,
         Self::PendingJobs,
         Self::JobBytes,
+        Self::Solves,
     ];
 
-    pub(super) fn name(self) -> &'static str {
+    /// Its name, and that of its limit for a tenant.
+    fn names(self) -> Names {
         match self {
-            Self::Maps => "maps",
-            Self::Streams => "streams",
-            Self::Watchers => "watchers",
-            Self::Exports => "exports",
-            Self::WaitingSolves => "waiting_solves",
-            Self::RunningSolveBytes => "running_solve_bytes",
-            Self::JournalBytes => "journal_bytes",
-            Self::PendingJobs => "pending_jobs",
-            Self::JobBytes => "job_bytes",
+            Self::Maps => ("maps", "tenant_max_map_count"),
+            Self::Streams => ("streams", "tenant_max_stream_count"),
+            Self::Watchers => ("watchers", "tenant_max_watcher_count"),
+            Self::Exports => ("exports", "tenant_max_export_count"),
+            Self::WaitingSolves => ("waiting_solves", "tenant_max_waiting_solve_count"),
+            Self::RunningSolveBytes => ("running_solve_bytes", "tenant_max_running_solve_bytes"),
+            Self::JournalBytes => ("journal_bytes", "tenant_max_journal_bytes"),
+            Self::PendingJobs => ("pending_jobs", "tenant_max_pending_job_count"),
+            Self::JobBytes => ("job_bytes", "tenant_max_job_bytes"),
+            Self::Solves => ("solves", "tenant_max_solve_count"),
+        }
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        self.names().0
+    }
+}
+
+type Names = (&'static str, &'static str);
+
+/// The same names of what maps hold.
+const COUNTED: Counts<Names> = Counts {
+    clients: ("clients", "tenant_max_client_count"),
+    cameras: ("cameras", "tenant_max_camera_count"),
+    keyframes: ("keyframes", "tenant_max_keyframe_count"),
+    landmarks: ("landmarks", "tenant_max_landmark_count"),
+    observations: ("observations", "tenant_max_observation_count"),
+    constraints: ("constraints", "tenant_max_constraint_count"),
+    priors: ("priors", "tenant_max_prior_count"),
+    bytes: ("bytes", "tenant_max_size_bytes"),
+};
+
+/// Limits of an account; what has none is unlimited. In files (`[tenant_limits]` and `[server_limits]` of
+/// `covis.toml`, `limits` of a tenant in the file of tokens) the keys are `max_maps`, `max_keyframes` and
+/// so on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(from = "BTreeMap<Key, u64>")]
+pub struct AccountLimits {
+    /// Entities of the map, or of all maps together.
+    pub held: MapLimits,
+    reserved: [Option<u64>; Resource::ALL.len()],
+}
+
+impl AccountLimits {
+    /// Limits of entities, and no others.
+    #[must_use]
+    pub fn of_maps(held: MapLimits) -> Self {
+        Self { held, ..Self::default() }
+    }
+
+    /// These limits, with another one of a resource.
+    #[must_use]
+    pub fn with(mut self, resource: Resource, limit: u64) -> Self {
+        self.reserved[resource as usize] = Some(limit);
+        self
+    }
+
+    /// The limit of a resource.
+    #[must_use]
+    pub fn of(&self, resource: Resource) -> Option<u64> {
+        self.reserved[resource as usize]
+    }
+
+    /// These limits where they are set, otherwise those of `default`.
+    #[must_use]
+    pub fn over(&self, default: &Self) -> Self {
+        Self {
+            held: self.held.over(&default.held),
+            reserved: Resource::ALL.map(|resource| self.of(resource).or(default.of(resource))),
         }
     }
 }
 
-/// Limits of an account; `None` is unlimited.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct AccountLimits {
-    /// Entities of the map, or of all maps together.
-    pub held: Ceilings,
-    /// Maps.
-    pub max_maps: Option<u64>,
-    /// Ingest and watch streams that are open at once.
-    pub max_streams: Option<u64>,
-    /// Watchers at once.
-    pub max_watchers: Option<u64>,
-    /// Exports that are being read; each holds a snapshot of its map.
-    pub max_exports: Option<u64>,
-    /// Solves that run at once, small and large ones counted separately.
-    pub max_solves: Option<u64>,
-    /// Calls whose solves wait in the queue.
-    pub max_waiting_solves: Option<u64>,
-    /// Estimated bytes of the running solves; a solve that would exceed the limit waits.
-    pub max_running_solve_bytes: Option<u64>,
-    /// Bytes of journals that wait for the disk. One map has at most 64 MiB; then its items wait.
-    pub max_journal_bytes: Option<u64>,
-    /// Jobs that wait or run.
-    pub max_pending_jobs: Option<u64>,
-    /// Bytes of the files of jobs: what was uploaded for them, and what they made. A job without files
-    /// counts 4 KiB.
-    pub max_job_bytes: Option<u64>,
+/// The key of a limit in a file.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Key {
+    Counted(Counted),
+    Resource(Resource),
 }
 
-impl AccountLimits {
-    /// The limit of a resource.
-    #[must_use]
-    pub fn of(&self, resource: Resource) -> Option<u64> {
-        match resource {
-            Resource::Maps => self.max_maps,
-            Resource::Streams => self.max_streams,
-            Resource::Watchers => self.max_watchers,
-            Resource::Exports => self.max_exports,
-            Resource::WaitingSolves => self.max_waiting_solves,
-            Resource::RunningSolveBytes => self.max_running_solve_bytes,
-            Resource::JournalBytes => self.max_journal_bytes,
-            Resource::PendingJobs => self.max_pending_jobs,
-            Resource::JobBytes => self.max_job_bytes,
+impl<'de> Deserialize<'de> for Key {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let key = String::deserialize(deserializer)?;
+        let counted = Counted::ALL.map(|counted| (COUNTED.of(counted).0, Self::Counted(counted)));
+        let resources = Resource::ALL.map(|resource| (resource.name(), Self::Resource(resource)));
+        let all = || counted.into_iter().chain(resources);
+        let found = all().find(|(name, _)| key.strip_prefix("max_") == Some(name));
+        found.map(|(_, found)| found).ok_or_else(|| {
+            let known: Vec<String> = all().map(|(name, _)| format!("`max_{name}`")).collect();
+            D::Error::custom(format!("unknown key `{key}`, expected one of {}", known.join(", ")))
+        })
+    }
+}
+
+impl From<BTreeMap<Key, u64>> for AccountLimits {
+    fn from(given: BTreeMap<Key, u64>) -> Self {
+        let limit = |key| given.get(&key).copied();
+        Self {
+            held: MapLimits::each(|counted| limit(Key::Counted(counted))),
+            reserved: Resource::ALL.map(|resource| limit(Key::Resource(resource))),
         }
     }
 }
@@ -112,49 +166,25 @@ pub(super) enum Owner {
 impl Owner {
     /// The name of a resource's limit; for a map or the server it is the name on the wire.
     pub(super) fn limit_of(self, resource: Resource) -> &'static str {
-        match (self, resource) {
-            (Self::Tenant, Resource::Maps) => "tenant_max_map_count",
-            (Self::Tenant, Resource::Streams) => "tenant_max_stream_count",
-            (Self::Tenant, Resource::Watchers) => "tenant_max_watcher_count",
-            (Self::Tenant, Resource::Exports) => "tenant_max_export_count",
-            (Self::Tenant, Resource::WaitingSolves) => "tenant_max_waiting_solve_count",
-            (Self::Tenant, Resource::RunningSolveBytes) => "tenant_max_running_solve_bytes",
-            (Self::Tenant, Resource::JournalBytes) => "tenant_max_journal_bytes",
-            (Self::Tenant, Resource::PendingJobs) => "tenant_max_pending_job_count",
-            (Self::Tenant, Resource::JobBytes) => "tenant_max_job_bytes",
-            (Self::Map | Self::Server, Resource::Maps) => "max_map_count",
-            (Self::Map | Self::Server, Resource::Streams) => "max_stream_count",
-            (Self::Map | Self::Server, Resource::Watchers) => "max_watcher_count",
-            (Self::Map | Self::Server, Resource::Exports) => "max_export_count",
-            (Self::Map | Self::Server, Resource::WaitingSolves) => "max_waiting_solve_count",
-            (Self::Map | Self::Server, Resource::RunningSolveBytes) => "max_running_solve_bytes",
-            (Self::Map | Self::Server, Resource::JournalBytes) => "max_journal_bytes",
-            (Self::Map | Self::Server, Resource::PendingJobs) => "max_pending_job_count",
-            (Self::Map | Self::Server, Resource::JobBytes) => "max_job_bytes",
-        }
+        self.named(resource.names())
     }
 
-    /// The name of a ceiling of entities, likewise.
-    pub(super) fn ceiling_of(self, counted: Counted) -> &'static str {
-        match (self, counted) {
-            (Self::Tenant, Counted::Clients) => "tenant_max_client_count",
-            (Self::Tenant, Counted::Cameras) => "tenant_max_camera_count",
-            (Self::Tenant, Counted::Keyframes) => "tenant_max_keyframe_count",
-            (Self::Tenant, Counted::Landmarks) => "tenant_max_landmark_count",
-            (Self::Tenant, Counted::Observations) => "tenant_max_observation_count",
-            (Self::Tenant, Counted::Constraints) => "tenant_max_constraint_count",
-            (Self::Tenant, Counted::Priors) => "tenant_max_prior_count",
-            (Self::Tenant, Counted::Bytes) => "tenant_max_size_bytes",
-            (Self::Map | Self::Server, Counted::Clients) => "max_client_count",
-            (Self::Map | Self::Server, Counted::Cameras) => "max_camera_count",
-            (Self::Map | Self::Server, Counted::Keyframes) => "max_keyframe_count",
-            (Self::Map | Self::Server, Counted::Landmarks) => "max_landmark_count",
-            (Self::Map | Self::Server, Counted::Observations) => "max_observation_count",
-            (Self::Map | Self::Server, Counted::Constraints) => "max_constraint_count",
-            (Self::Map | Self::Server, Counted::Priors) => "max_prior_count",
-            (Self::Map | Self::Server, Counted::Bytes) => "max_size_bytes",
+    /// The name of a limit of entities, likewise.
+    pub(super) fn limit_of_counted(self, counted: Counted) -> &'static str {
+        self.named(COUNTED.of(counted))
+    }
+
+    fn named(self, (_, of_tenant): Names) -> &'static str {
+        match self {
+            Self::Tenant => of_tenant,
+            Self::Map | Self::Server => of_tenant.strip_prefix("tenant_").unwrap_or(of_tenant),
         }
     }
+}
+
+/// The name on the wire of a map's limit.
+pub fn limit_name(counted: Counted) -> &'static str {
+    Owner::Map.limit_of_counted(counted)
 }
 
 /// One line of an account.
@@ -169,14 +199,6 @@ pub struct AccountRow {
 }
 
 pub(super) fn name_of(counted: Counted) -> &'static str {
-    match counted {
-        Counted::Clients => "clients",
-        Counted::Cameras => "cameras",
-        Counted::Keyframes => "keyframes",
-        Counted::Landmarks => "landmarks",
-        Counted::Observations => "observations",
-        Counted::Constraints => "constraints",
-        Counted::Priors => "priors",
-        Counted::Bytes => "map_bytes",
-    }
+    // Beside the bytes of journals and solves.
+    if counted == Counted::Bytes { "map_bytes" } else { COUNTED.of(counted).0 }
 }

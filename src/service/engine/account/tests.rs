@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{AccountLimits, Accounts, HeldEntities, Resource};
-use crate::map::{Ceilings, Usage};
+use crate::map::{MapLimits, Usage};
 use crate::service::engine::EngineError;
 
 fn keyframes(keyframes: u64) -> Usage {
@@ -11,9 +11,8 @@ fn keyframes(keyframes: u64) -> Usage {
 }
 
 fn at_most(maximum: u64) -> AccountLimits {
-    let held = Ceilings { max_keyframes: Some(maximum), ..Ceilings::default() };
-    let streams = Some(maximum);
-    AccountLimits { held, max_streams: streams, ..AccountLimits::default() }
+    let held = MapLimits { keyframes: Some(maximum), ..MapLimits::default() };
+    AccountLimits::of_maps(held).with(Resource::Streams, maximum)
 }
 
 #[test]
@@ -24,9 +23,9 @@ fn what_maps_hold_adds_up_and_is_given_back() {
     let mut house = HeldEntities::existing(&accounts.of_map("house"), keyframes(1));
     a.grow(keyframes(1)).unwrap();
     let limit = "tenant_max_keyframe_count";
-    let full = EngineError::TenantCeiling { limit, maximum: 10 };
+    let full = EngineError::TenantLimit { limit, maximum: 10 };
     assert_eq!(b.grow(keyframes(1)), Err(full.clone()));
-    let server = EngineError::ServerCeiling { limit: "max_keyframe_count", maximum: 12 };
+    let server = EngineError::ServerLimit { limit: "max_keyframe_count", maximum: 12 };
     assert_eq!(house.grow(keyframes(2)), Err(server));
     // A refused reservation changes no account.
     assert_eq!(accounts.tenant("").entities(), keyframes(1));
@@ -44,9 +43,9 @@ fn a_reservation_counts_here_and_above_and_gives_itself_back() {
     let (a, b) = (accounts.of_map("acme.a"), accounts.of_map("rival.b"));
     let mut of_a = a.reserve(Resource::Streams, 2).unwrap();
     let limit = "max_stream_count";
-    let full = EngineError::Ceiling { map: "acme.a".to_owned(), limit, maximum: 2 };
+    let full = EngineError::MapLimit { map: "acme.a".to_owned(), limit, maximum: 2 };
     assert_eq!(a.reserve(Resource::Streams, 1).unwrap_err(), full);
-    let full = EngineError::ServerCeiling { limit, maximum: 3 };
+    let full = EngineError::ServerLimit { limit, maximum: 3 };
     assert_eq!(b.reserve(Resource::Streams, 2).unwrap_err(), full);
     assert_eq!((b.held(Resource::Streams), accounts.server().held(Resource::Streams)), (0, 2));
     of_a.resize(1).unwrap();
@@ -67,7 +66,7 @@ fn limits_of_tenants_can_be_set_while_they_hold_something() {
     let many: Vec<_> = (0..9).map(|_| tenant.reserve(Resource::Streams, 1)).collect();
     assert!(many.iter().all(Result::is_ok), "without a limit there is none");
     accounts.set_tenants(BTreeMap::from([("acme".to_owned(), at_most(2))]));
-    let full = EngineError::TenantCeiling { limit: "tenant_max_stream_count", maximum: 2 };
+    let full = EngineError::TenantLimit { limit: "tenant_max_stream_count", maximum: 2 };
     assert_eq!(tenant.reserve(Resource::Streams, 1).unwrap_err(), full);
     accounts.tenant("other").reserve(Resource::Streams, 9).unwrap();
 }

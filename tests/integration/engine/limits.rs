@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use covis::map::{Ceilings, Item, Map, MapPolicy, WhenFull};
+use covis::map::{Item, Map, MapLimits, MapPolicy, WhenFull};
 use covis::service::engine::{
     AccountLimits, Accounts, AckStatus, EngineConfig, EngineError, Maps, PoolError, Resource,
     SolverPool, StreamEvent,
@@ -16,8 +16,8 @@ use crate::common::{Occupied, hold, large, small};
 use crate::map_support::{camera_item, id, landmark};
 
 fn tight(when_full: WhenFull) -> MapPolicy {
-    let ceilings = Ceilings { max_keyframes: Some(6), ..Ceilings::default() };
-    MapPolicy { ceilings, when_full, ..MapPolicy::default() }
+    let limits = MapLimits { keyframes: Some(6), ..MapLimits::default() };
+    MapPolicy { limits, when_full, ..MapPolicy::default() }
 }
 
 #[tokio::test]
@@ -40,15 +40,18 @@ async fn a_full_map_that_may_forget_takes_every_keyframe() {
 #[tokio::test]
 async fn one_item_cannot_push_out_a_map() {
     let fixture = Fixture::plain().await;
-    let ceilings = Ceilings { max_landmarks: Some(100), ..Ceilings::default() };
-    let policy = MapPolicy { ceilings, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
+    let limits = MapLimits { landmarks: Some(100), ..MapLimits::default() };
+    let policy = MapPolicy { limits, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
     let map = fixture.map(policy).await;
     let mut client = Client::open(&map).await;
     client.send_street(0..5).await;
     let landmarks = (1000..1050).map(landmark).collect();
     client.send(Item::Landmarks { landmarks }).await;
-    let full =
-        EngineError::Ceiling { map: "house".to_owned(), limit: "max_landmark_count", maximum: 100 };
+    let full = EngineError::MapLimit {
+        map: "house".to_owned(),
+        limit: "max_landmark_count",
+        maximum: 100,
+    };
     assert_eq!(client.end().await, full);
     assert_eq!(map.snapshot().await.unwrap().keyframes().len(), 5);
 }
@@ -57,9 +60,8 @@ async fn one_item_cannot_push_out_a_map() {
 async fn one_item_may_retire_several_keyframes() {
     let street = async |max_landmarks, more: i64| {
         let fixture = Fixture::lock_step().await;
-        let ceilings = Ceilings { max_landmarks, ..Ceilings::default() };
-        let policy =
-            MapPolicy { ceilings, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
+        let limits = MapLimits { landmarks: max_landmarks, ..MapLimits::default() };
+        let policy = MapPolicy { limits, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
         let map = fixture.map(policy).await;
         let mut client = Client::open(&map).await;
         client.send_street(0..16).await;
@@ -75,11 +77,11 @@ async fn one_item_may_retire_several_keyframes() {
 }
 
 #[tokio::test]
-async fn memory_has_a_ceiling_too() {
+async fn memory_has_a_limit_too() {
     let fixture = Fixture::lock_step().await;
     let max_bytes = Some(60_000);
-    let ceilings = Ceilings { max_bytes, ..Ceilings::default() };
-    let policy = MapPolicy { ceilings, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
+    let limits = MapLimits { bytes: max_bytes, ..MapLimits::default() };
+    let policy = MapPolicy { limits, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
     let map = fixture.map(policy).await;
     let mut client = Client::open(&map).await;
     client.send_street(0..30).await;
@@ -101,9 +103,9 @@ async fn maps_with(common: AccountLimits) -> Maps {
 }
 
 #[tokio::test]
-async fn the_maps_of_a_tenant_share_its_ceilings_and_no_others_do() {
-    let held = Ceilings { max_keyframes: Some(5), ..Ceilings::default() };
-    let maps = maps_with(AccountLimits { held, ..AccountLimits::default() }).await;
+async fn the_maps_of_a_tenant_share_its_limits_and_no_others_do() {
+    let held = MapLimits { keyframes: Some(5), ..MapLimits::default() };
+    let maps = maps_with(AccountLimits::of_maps(held)).await;
     for name in ["acme.a", "acme.b", "rival.a", "house"] {
         maps.create(name, "", MapPolicy::default()).await.unwrap();
     }
@@ -112,7 +114,7 @@ async fn the_maps_of_a_tenant_share_its_ceilings_and_no_others_do() {
     a.received(4).await;
     let mut b = Client::open(&maps.get("acme.b").unwrap()).await;
     b.send_street(0..3).await;
-    let full = EngineError::TenantCeiling { limit: "tenant_max_keyframe_count", maximum: 5 };
+    let full = EngineError::TenantLimit { limit: "tenant_max_keyframe_count", maximum: 5 };
     assert_eq!(b.end().await, full);
     for name in ["rival.a", "house"] {
         let mut other = Client::open(&maps.get(name).unwrap()).await;
@@ -128,12 +130,11 @@ async fn the_maps_of_a_tenant_share_its_ceilings_and_no_others_do() {
 
 #[tokio::test]
 async fn a_tenant_has_so_many_maps_and_streams_and_no_more() {
-    let ceilings =
-        AccountLimits { max_maps: Some(2), max_streams: Some(2), ..AccountLimits::default() };
-    let maps = maps_with(ceilings).await;
+    let limits = AccountLimits::default().with(Resource::Maps, 2).with(Resource::Streams, 2);
+    let maps = maps_with(limits).await;
     maps.create("acme.a", "", MapPolicy::default()).await.unwrap();
     maps.create("acme.b", "", MapPolicy::default()).await.unwrap();
-    let full = |limit| EngineError::TenantCeiling { limit, maximum: 2 };
+    let full = |limit| EngineError::TenantLimit { limit, maximum: 2 };
     let refused = maps.create("acme.c", "", MapPolicy::default()).await.unwrap_err();
     assert_eq!(refused, full("tenant_max_map_count"));
     let taken = maps.create("acme.a", "", MapPolicy::default()).await.unwrap_err();
@@ -199,7 +200,7 @@ async fn a_small_solve_does_not_wait_behind_a_large_one() {
 #[tokio::test]
 async fn large_solves_wait_until_their_memory_is_free() {
     let none = AccountLimits::default();
-    let budget = AccountLimits { max_running_solve_bytes: Some(3 << 29), ..none };
+    let budget = none.with(Resource::RunningSolveBytes, 3 << 29);
     let pool = SolverPool::shared_by(Accounts::new(budget, none, none), 2).unwrap();
     let first = hold(&pool, large()).await;
     let server = Arc::clone(pool.accounts().server());
@@ -212,16 +213,16 @@ async fn large_solves_wait_until_their_memory_is_free() {
 }
 
 #[tokio::test]
-async fn calls_that_wait_for_a_solve_have_a_ceiling() {
-    let ceilings = AccountLimits { max_waiting_solves: Some(1), ..AccountLimits::default() };
-    let maps = maps_with(ceilings).await;
+async fn calls_that_wait_for_a_solve_have_a_limit() {
+    let limits = AccountLimits::default().with(Resource::WaitingSolves, 1);
+    let maps = maps_with(limits).await;
     let pool = Arc::clone(maps.pool());
     let _blocker = Occupied::new(maps.pool()).await;
     let tenant = pool.accounts().tenant("acme");
     let mut waits = Box::pin(pool.run(&tenant, small(), || 1));
     assert!((&mut waits).now_or_never().is_none());
     let limit = "tenant_max_waiting_solve_count";
-    let full = PoolError::Full(EngineError::TenantCeiling { limit, maximum: 1 });
+    let full = PoolError::Full(EngineError::TenantLimit { limit, maximum: 1 });
     assert_eq!(pool.run(&tenant, small(), || 2).await, Err(full));
 }
 
@@ -247,16 +248,16 @@ async fn a_watcher_is_told_of_what_a_retired_keyframe_took_along() {
 }
 
 #[tokio::test]
-async fn cameras_and_clients_have_ceilings_like_everything_else() {
+async fn cameras_and_clients_have_limits_like_everything_else() {
     let fixture = Fixture::plain().await;
-    let ceilings = Ceilings { max_cameras: Some(3), max_clients: Some(2), ..Ceilings::default() };
-    let policy = MapPolicy { ceilings, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
+    let limits = MapLimits { cameras: Some(3), clients: Some(2), ..MapLimits::default() };
+    let policy = MapPolicy { limits, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
     let map = fixture.map(policy).await;
     let mut robot = Client::open(&map).await;
     for id in 0..4 {
         robot.send(camera_item(id)).await;
     }
-    let full = |limit, maximum| EngineError::Ceiling { map: "house".to_owned(), limit, maximum };
+    let full = |limit, maximum| EngineError::MapLimit { map: "house".to_owned(), limit, maximum };
     assert_eq!(robot.end().await, full("max_camera_count", 3));
     let _drone = Client::open_as(&map, "drone").await;
     let refused = map.open_stream("third".to_owned(), 0, false).await.unwrap_err();
@@ -269,8 +270,8 @@ async fn cameras_and_clients_have_ceilings_like_everything_else() {
 #[tokio::test]
 async fn cameras_count_in_bytes() {
     let fixture = Fixture::plain().await;
-    let ceilings = Ceilings { max_bytes: Some(100_000), ..Ceilings::default() };
-    let map = fixture.map(MapPolicy { ceilings, ..MapPolicy::default() }).await;
+    let limits = MapLimits { bytes: Some(100_000), ..MapLimits::default() };
+    let map = fixture.map(MapPolicy { limits, ..MapPolicy::default() }).await;
     let mut client = Client::open(&map).await;
     let mut taken = 0;
     let error = loop {
@@ -282,15 +283,15 @@ async fn cameras_count_in_bytes() {
         }
     };
     let limit = "max_size_bytes";
-    assert_eq!(error, EngineError::Ceiling { map: "house".to_owned(), limit, maximum: 100_000 });
+    assert_eq!(error, EngineError::MapLimit { map: "house".to_owned(), limit, maximum: 100_000 });
     assert!(taken < 1000, "{taken} cameras");
     assert!(map.snapshot().await.unwrap().usage().bytes <= 100_000);
 }
 
 #[tokio::test]
 async fn the_maps_of_all_tenants_share_the_limits_of_the_server() {
-    let held = Ceilings { max_keyframes: Some(5), ..Ceilings::default() };
-    let server = AccountLimits { held, max_maps: Some(2), ..AccountLimits::default() };
+    let held = MapLimits { keyframes: Some(5), ..MapLimits::default() };
+    let server = AccountLimits::of_maps(held).with(Resource::Maps, 2);
     let accounts = Accounts::new(server, AccountLimits::default(), AccountLimits::default());
     let pool = SolverPool::shared_by(accounts, 1).unwrap();
     let store: Arc<dyn Store> = Arc::new(MemoryStore::new());
@@ -298,7 +299,7 @@ async fn the_maps_of_all_tenants_share_the_limits_of_the_server() {
     for name in ["acme.a", "rival.b"] {
         maps.create(name, "", MapPolicy::default()).await.unwrap();
     }
-    let full = |limit, maximum| EngineError::ServerCeiling { limit, maximum };
+    let full = |limit, maximum| EngineError::ServerLimit { limit, maximum };
     let refused = maps.create("third.c", "", MapPolicy::default()).await.unwrap_err();
     assert_eq!(refused, full("max_map_count", 2));
     // A creation that failed gave its place back, and so does a map that is deleted.
@@ -317,7 +318,7 @@ async fn the_maps_of_all_tenants_share_the_limits_of_the_server() {
 
 #[tokio::test]
 async fn a_stream_is_given_back_when_it_could_not_be_opened() {
-    let limits = AccountLimits { max_streams: Some(1), ..AccountLimits::default() };
+    let limits = AccountLimits::default().with(Resource::Streams, 1);
     let maps = maps_with(limits).await;
     maps.create("house", "", MapPolicy::default()).await.unwrap();
     let map = maps.get("house").unwrap();

@@ -1,7 +1,7 @@
 //! Counts of what maps hold, and limits on them.
 //!
 //! The fold keeps the [`Usage`] of a map, so that reading it costs nothing; [`Map::growth`] is the most
-//! that a change would add. The same [`Ceilings`] apply to a map, to all maps of a tenant and to all
+//! that a change would add. The same [`MapLimits`] apply to a map, to all maps of a tenant and to all
 //! maps of a server. Every kind of entity counts. Bytes are an estimate of the memory that the map
 //! takes, from the numbers of its entities. Nothing is refused here: what happens at a ceiling is
 //! decided by the engine.
@@ -18,76 +18,62 @@ use super::{
     Keyframe, Landmark, Map, NewLandmark, Observation, Prior, SwitchedOff,
 };
 
-/// Limits of what is held; `None` is unlimited. `[map_limits]` of `covis.toml` has these keys.
+/// One value for each kind of what maps hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Ceilings {
+pub struct Counts<T> {
     /// Clients that have ever opened a stream.
-    pub max_clients: Option<u64>,
+    #[serde(rename = "max_clients")]
+    pub clients: T,
     /// Cameras.
-    pub max_cameras: Option<u64>,
+    #[serde(rename = "max_cameras")]
+    pub cameras: T,
     /// Keyframes.
-    pub max_keyframes: Option<u64>,
+    #[serde(rename = "max_keyframes")]
+    pub keyframes: T,
     /// Landmarks.
-    pub max_landmarks: Option<u64>,
+    #[serde(rename = "max_landmarks")]
+    pub landmarks: T,
     /// Observations.
-    pub max_observations: Option<u64>,
-    /// Relative-pose constraints.
-    pub max_constraints: Option<u64>,
+    #[serde(rename = "max_observations")]
+    pub observations: T,
+    /// Relative-pose constraints, those that are switched off too.
+    #[serde(rename = "max_constraints")]
+    pub constraints: T,
     /// Pose priors and position priors.
-    pub max_priors: Option<u64>,
+    #[serde(rename = "max_priors")]
+    pub priors: T,
     /// Estimated memory in bytes.
-    pub max_bytes: Option<u64>,
+    #[serde(rename = "max_bytes")]
+    pub bytes: T,
 }
 
 /// What is held.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Usage {
-    /// Clients that have ever opened a stream.
-    pub clients: u64,
-    /// Cameras.
-    pub cameras: u64,
-    /// Keyframes.
-    pub keyframes: u64,
-    /// Landmarks.
-    pub landmarks: u64,
-    /// Observations.
-    pub observations: u64,
-    /// Relative-pose constraints, those that are switched off too.
-    pub constraints: u64,
-    /// Pose priors and position priors.
-    pub priors: u64,
-    /// Estimated memory in bytes.
-    pub bytes: u64,
-}
+pub type Usage = Counts<u64>;
 
-/// Which ceiling a change would exceed.
+/// Limits of what is held; `None` is unlimited. `[map_limits]` of `covis.toml` has a key for each.
+pub type MapLimits = Counts<Option<u64>>;
+
+/// Which limit a change would exceed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exceeded {
     /// What there is too much of.
     pub counted: Counted,
-    /// The ceiling's value.
+    /// The limit's value.
     pub maximum: u64,
 }
 
 /// What of a map is counted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs, reason = "the fields of `Counts` have them")]
 pub enum Counted {
-    /// Clients.
     Clients,
-    /// Cameras.
     Cameras,
-    /// Keyframes.
     Keyframes,
-    /// Landmarks.
     Landmarks,
-    /// Observations.
     Observations,
-    /// Relative-pose constraints.
     Constraints,
-    /// Priors.
     Priors,
-    /// Estimated memory.
     Bytes,
 }
 
@@ -105,69 +91,24 @@ impl Counted {
     ];
 }
 
-impl Ceilings {
-    /// The ceiling of one count.
-    #[must_use]
-    pub fn of(&self, counted: Counted) -> Option<u64> {
-        match counted {
-            Counted::Clients => self.max_clients,
-            Counted::Cameras => self.max_cameras,
-            Counted::Keyframes => self.max_keyframes,
-            Counted::Landmarks => self.max_landmarks,
-            Counted::Observations => self.max_observations,
-            Counted::Constraints => self.max_constraints,
-            Counted::Priors => self.max_priors,
-            Counted::Bytes => self.max_bytes,
-        }
-    }
-
-    /// These ceilings where they are set, otherwise those of `default`.
-    #[must_use]
-    pub fn over(&self, default: &Self) -> Self {
-        self.join(default, Option::or)
-    }
-
-    /// One value a count, made of the two of `self` and `other`.
-    fn join(&self, other: &Self, join: impl Fn(Option<u64>, Option<u64>) -> Option<u64>) -> Self {
-        let of = |counted| join(self.of(counted), other.of(counted));
+impl<T: Copy> Counts<T> {
+    /// The values that a function gives.
+    pub fn each(mut value: impl FnMut(Counted) -> T) -> Self {
         Self {
-            max_clients: of(Counted::Clients),
-            max_cameras: of(Counted::Cameras),
-            max_keyframes: of(Counted::Keyframes),
-            max_landmarks: of(Counted::Landmarks),
-            max_observations: of(Counted::Observations),
-            max_constraints: of(Counted::Constraints),
-            max_priors: of(Counted::Priors),
-            max_bytes: of(Counted::Bytes),
+            clients: value(Counted::Clients),
+            cameras: value(Counted::Cameras),
+            keyframes: value(Counted::Keyframes),
+            landmarks: value(Counted::Landmarks),
+            observations: value(Counted::Observations),
+            constraints: value(Counted::Constraints),
+            priors: value(Counted::Priors),
+            bytes: value(Counted::Bytes),
         }
     }
 
-    /// The lower one of both ceilings for each count.
+    /// The value of one kind.
     #[must_use]
-    pub fn lower(&self, other: &Self) -> Self {
-        self.join(other, |a, b| match (a, b) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (one, None) | (None, one) => one,
-        })
-    }
-
-    /// The first ceiling that `growth` on top of `usage` exceeds. A count that does not grow exceeds
-    /// none.
-    #[must_use]
-    pub fn exceeded(&self, usage: Usage, growth: Usage) -> Option<Exceeded> {
-        Counted::ALL.into_iter().find_map(|counted| {
-            let maximum = self.of(counted)?;
-            let (present, added) = (usage.of(counted), growth.of(counted));
-            let passes = added > 0 && present.saturating_add(added) > maximum;
-            passes.then_some(Exceeded { counted, maximum })
-        })
-    }
-}
-
-impl Usage {
-    /// One count.
-    #[must_use]
-    pub fn of(&self, counted: Counted) -> u64 {
+    pub fn of(&self, counted: Counted) -> T {
         match counted {
             Counted::Clients => self.clients,
             Counted::Cameras => self.cameras,
@@ -179,18 +120,34 @@ impl Usage {
             Counted::Bytes => self.bytes,
         }
     }
+}
 
-    fn each(value: impl Fn(Counted) -> u64) -> Self {
-        Self {
-            clients: value(Counted::Clients),
-            cameras: value(Counted::Cameras),
-            keyframes: value(Counted::Keyframes),
-            landmarks: value(Counted::Landmarks),
-            observations: value(Counted::Observations),
-            constraints: value(Counted::Constraints),
-            priors: value(Counted::Priors),
-            bytes: value(Counted::Bytes),
-        }
+impl MapLimits {
+    /// These limits where they are set, otherwise those of `default`.
+    #[must_use]
+    pub fn over(&self, default: &Self) -> Self {
+        Self::each(|counted| self.of(counted).or(default.of(counted)))
+    }
+
+    /// The lower one of both limits for each kind.
+    #[must_use]
+    pub fn lower(&self, other: &Self) -> Self {
+        Self::each(|counted| match (self.of(counted), other.of(counted)) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (one, None) | (None, one) => one,
+        })
+    }
+
+    /// The first limit that `growth` on top of `usage` exceeds. A count that does not grow exceeds
+    /// none.
+    #[must_use]
+    pub fn exceeded(&self, usage: Usage, growth: Usage) -> Option<Exceeded> {
+        Counted::ALL.into_iter().find_map(|counted| {
+            let maximum = self.of(counted)?;
+            let (present, added) = (usage.of(counted), growth.of(counted));
+            let passes = added > 0 && present.saturating_add(added) > maximum;
+            passes.then_some(Exceeded { counted, maximum })
+        })
     }
 }
 
@@ -333,7 +290,7 @@ impl Map {
     }
 
     /// An upper bound of [`Map::growth`], from the lengths of the change's lists alone: most changes
-    /// are far from every ceiling, and looking up each landmark to know so is expensive.
+    /// are far from every limit, and looking up each landmark to know so is expensive.
     #[must_use]
     pub fn growth_bound(&self, change: &Change) -> Usage {
         let by_observations = |added: &[Observation]| {
