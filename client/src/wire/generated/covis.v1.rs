@@ -1442,7 +1442,7 @@ pub struct MapPolicy {
     /// Iterations of a local bundle adjustment, 1 to 1000. Default 10.
     #[prost(int32, optional, tag = "8")]
     pub max_iteration_count: ::core::option::Option<i32>,
-    /// Ceilings; past them RESOURCE_EXHAUSTED, never a silent drop.
+    /// Past them RESOURCE_EXHAUSTED, never a silent drop.
     #[prost(message, optional, tag = "9")]
     pub limits: ::core::option::Option<MapLimits>,
     /// How relative-pose constraints of kind LOOP_CLOSURE are judged in pose-graph optimization; those
@@ -1492,7 +1492,7 @@ impl ::prost::Name for PlaceRecognition {
         "/covis.v1.PlaceRecognition".into()
     }
 }
-/// Ceilings of a map. Absent, or above the server's own ceiling, means the server's.
+/// Limits of a map. Absent, or above the server's own limit, means the server's.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct MapLimits {
     /// Keyframes, at least 1.
@@ -2575,7 +2575,7 @@ pub struct IngestOpened {
     /// Largest message that the server takes, bytes.
     #[prost(int64, tag = "5")]
     pub max_message_bytes: i64,
-    /// The map's ceilings.
+    /// The map's limits.
     #[prost(message, optional, tag = "6")]
     pub limits: ::core::option::Option<MapLimits>,
     /// Whether the stream is in lock-step.
@@ -9525,7 +9525,7 @@ pub struct ServerLimits {
     /// Streams that one connection may hold at once.
     #[prost(int32, tag = "4")]
     pub max_concurrent_stream_count: i32,
-    /// Ceilings of a map, which its policy can only lower.
+    /// Limits of a map, which its policy can only lower.
     #[prost(message, optional, tag = "5")]
     pub map_limits: ::core::option::Option<MapLimits>,
 }
