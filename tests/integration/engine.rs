@@ -6,6 +6,7 @@ mod limits;
 mod maps;
 mod merging;
 mod solves;
+mod staged_store;
 mod stream;
 mod watch;
 

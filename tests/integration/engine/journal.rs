@@ -4,101 +4,48 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use async_trait::async_trait;
-use covis::map::{Event, Map, MapPolicy};
+use covis::map::MapPolicy;
 use covis::service::engine::{
     AccountLimits, Accounts, AckStatus, EngineConfig, EngineError, MapHandle, MapState, Maps,
     Resource, SolverPool,
 };
-use covis::store::{Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError};
+use covis::store::{Durability, Flushed, Position, Store, StoreError};
 use tokio::sync::watch;
 
 use super::Client;
+use super::staged_store::{Stage, StagedStore};
 
-/// A store in memory that claims to be durable and refuses events past `last`. What it accepts is
-/// durable at once, or when `flushed` says so.
-struct DiskStore {
-    memory: MemoryStore,
+/// A store that claims to be durable and refuses events past `last`. What it accepts is durable at once,
+/// or when `flushed` says so.
+struct Durable {
     last: AtomicU64,
     flushed: Option<watch::Sender<Flushed>>,
 }
 
 #[async_trait]
-impl Store for DiskStore {
-    async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
-        self.memory.list_maps().await
-    }
-
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
-        self.memory.create_map(map).await
-    }
-
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
-        self.memory.create_map_of(map, snapshot).await
-    }
-
-    async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
-        self.memory.delete_map(map).await
-    }
-
-    async fn acquire(&self, map: &str) -> Result<Epoch, StoreError> {
-        self.memory.acquire(map).await
-    }
-
-    async fn append(
-        &self,
-        map: &str,
-        epoch: Epoch,
-        expected_sequence: u64,
-        batch: Vec<Arc<Event>>,
-    ) -> Result<Position, StoreError> {
+impl Stage for Durable {
+    fn appending(&self, map: &str, expected_sequence: u64) -> Result<(), StoreError> {
         if expected_sequence >= self.last.load(Ordering::Relaxed) {
             return Err(StoreError::UnknownMap { map: map.to_owned() });
         }
-        let position = self.memory.append(map, epoch, expected_sequence, batch).await?;
+        Ok(())
+    }
+
+    fn appended(&self, position: Position) -> Position {
         let waiting_bytes = if self.flushed.is_some() { 1000 } else { 0 };
-        Ok(Position { durable: self.flushed.is_none(), waiting_bytes, ..position })
+        Position { durable: self.flushed.is_none(), waiting_bytes, ..position }
     }
 
-    async fn follow(&self, map: &str) -> Result<watch::Receiver<Flushed>, StoreError> {
-        match &self.flushed {
-            Some(flushed) => Ok(flushed.subscribe()),
-            None => self.memory.follow(map).await,
-        }
-    }
-
-    async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {
-        self.memory.damage(map).await
-    }
-
-    async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError> {
-        self.memory.read(map, from).await
-    }
-
-    async fn put_snapshot(
-        &self,
-        map: &str,
-        epoch: Epoch,
-        snapshot: Arc<Map>,
-    ) -> Result<(), StoreError> {
-        self.memory.put_snapshot(map, epoch, snapshot).await
-    }
-
-    async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {
-        self.memory.get_snapshot(map).await
-    }
-
-    async fn truncate(&self, map: &str, epoch: Epoch, before: u64) -> Result<(), StoreError> {
-        self.memory.truncate(map, epoch, before).await
-    }
-
-    async fn close(&self) {
-        self.memory.close().await;
+    fn followed(&self, _map: &str) -> Option<watch::Receiver<Flushed>> {
+        self.flushed.as_ref().map(watch::Sender::subscribe)
     }
 
     fn durability(&self) -> Durability {
         Durability::Disk
     }
 }
+
+type DiskStore = StagedStore<Durable>;
 
 async fn open(last: u64) -> (Arc<DiskStore>, MapHandle) {
     open_store(last, None).await
@@ -109,7 +56,7 @@ async fn open_store(
     flushed: Option<watch::Sender<Flushed>>,
 ) -> (Arc<DiskStore>, MapHandle) {
     let last = AtomicU64::new(last);
-    let store = Arc::new(DiskStore { memory: MemoryStore::new(), last, flushed });
+    let store = StagedStore::of(Durable { last, flushed });
     let shared: Arc<dyn Store> = Arc::<DiskStore>::clone(&store);
     let pool = SolverPool::new(1).unwrap();
     let maps = Maps::open(shared, pool, EngineConfig::default()).await.unwrap();
@@ -198,11 +145,11 @@ async fn durable_is_sent_when_the_journal_is_durable_and_a_failure_ends_it() {
 async fn journals_that_wait_for_the_disk_have_a_limit_and_the_map_goes_on_behind_it() {
     let flushed = watch::Sender::new(Flushed { through: 1, ..Flushed::default() });
     let last = AtomicU64::new(u64::MAX);
-    let store = DiskStore { memory: MemoryStore::new(), last, flushed: Some(flushed.clone()) };
+    let store = StagedStore::of(Durable { last, flushed: Some(flushed.clone()) });
     let server = AccountLimits::default().with(Resource::JournalBytes, 1000);
     let accounts = Accounts::new(server, AccountLimits::default(), AccountLimits::default());
     let pool = SolverPool::shared_by(accounts, 1).unwrap();
-    let maps = Maps::open(Arc::new(store), pool, EngineConfig::default()).await.unwrap();
+    let maps = Maps::open(store, pool, EngineConfig::default()).await.unwrap();
     maps.create("house", "", MapPolicy::default()).await.unwrap();
     let map = maps.get("house").unwrap();
     // The opening waits for the disk already.

@@ -6,14 +6,15 @@ use std::task::Poll;
 use std::time::Duration;
 
 use async_trait::async_trait;
-use covis::map::{Event, Map, MapPolicy};
+use covis::map::MapPolicy;
 use covis::service::engine::{EngineConfig, EngineError, MapState, Maps, SolverPool};
-use covis::store::{Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError};
+use covis::store::{Flushed, Store, StoreError};
 use tokio::sync::{Semaphore, watch};
 
+use super::staged_store::{Stage, StagedStore};
+
 /// A store whose creations and deletions wait until the test lets them go on, or fail.
-pub(super) struct HeldStore {
-    pub(super) inner: MemoryStore,
+pub(super) struct HeldChanges {
     /// Calls that wait, for the test.
     entered: Semaphore,
     /// Calls that may go on.
@@ -28,20 +29,23 @@ pub(super) struct HeldStore {
     pub(super) disk: watch::Sender<(String, Flushed)>,
 }
 
+pub(super) type HeldStore = StagedStore<HeldChanges>;
+
 impl HeldStore {
     pub(super) fn new() -> Arc<Self> {
         let none = || Semaphore::new(0);
         let (entered, released, failing, unavailable) = (none(), none(), none(), none());
-        let (inner, unreadable) = (MemoryStore::new(), AtomicBool::new(false));
-        let disk = watch::Sender::default();
-        Arc::new(Self { inner, entered, released, failing, unavailable, unreadable, disk })
+        let (unreadable, disk) = (AtomicBool::new(false), watch::Sender::default());
+        Self::of(HeldChanges { entered, released, failing, unavailable, unreadable, disk })
     }
 
     pub(super) async fn maps(self: &Arc<Self>) -> Maps {
         let store: Arc<dyn Store> = Arc::<Self>::clone(self);
         Maps::open(store, SolverPool::new(1).unwrap(), EngineConfig::default()).await.unwrap()
     }
+}
 
+impl HeldChanges {
     /// Waits until a call waits.
     pub(super) async fn entered(&self) {
         self.entered.acquire().await.unwrap().forget();
@@ -50,8 +54,11 @@ impl HeldStore {
     pub(super) fn release(&self, calls: usize) {
         self.released.add_permits(calls);
     }
+}
 
-    async fn hold(&self) -> Result<(), StoreError> {
+#[async_trait]
+impl Stage for HeldChanges {
+    async fn changing(&self) -> Result<(), StoreError> {
         self.entered.add_permits(1);
         self.released.acquire().await.unwrap().forget();
         match self.failing.try_acquire() {
@@ -63,55 +70,23 @@ impl HeldStore {
             Err(_none) => Ok(()),
         }
     }
-}
 
-#[async_trait]
-impl Store for HeldStore {
-    async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
-        self.inner.list_maps().await
-    }
-
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
-        self.hold().await?;
-        self.inner.create_map(map).await
-    }
-
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
-        self.hold().await?;
-        self.inner.create_map_of(map, snapshot).await
-    }
-
-    async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
-        self.hold().await?;
-        self.inner.delete_map(map).await
-    }
-
-    async fn acquire(&self, map: &str) -> Result<Epoch, StoreError> {
-        let (of, cause) = (map.to_owned(), "staged by a test".to_owned());
+    fn opening(&self, map: &str) -> Result<(), StoreError> {
+        let (map, cause) = (map.to_owned(), "staged by a test".to_owned());
         if self.unreadable.load(Ordering::Relaxed) {
-            return Err(StoreError::Failed { map: of, cause });
+            return Err(StoreError::Failed { map, cause });
         }
         if let Ok(permit) = self.unavailable.try_acquire() {
             permit.forget();
-            return Err(StoreError::Unavailable { map: of, cause });
+            return Err(StoreError::Unavailable { map, cause });
         }
-        self.inner.acquire(map).await
+        Ok(())
     }
 
-    async fn append(
-        &self,
-        map: &str,
-        epoch: Epoch,
-        expected_sequence: u64,
-        batch: Vec<Arc<Event>>,
-    ) -> Result<Position, StoreError> {
-        self.inner.append(map, epoch, expected_sequence, batch).await
-    }
-
-    async fn follow(&self, map: &str) -> Result<watch::Receiver<Flushed>, StoreError> {
+    fn followed(&self, map: &str) -> Option<watch::Receiver<Flushed>> {
         let mut disk = self.disk.subscribe();
         if disk.borrow().0 != map {
-            return self.inner.follow(map).await;
+            return None;
         }
         let (flushed, followed) = watch::channel(disk.borrow_and_update().1.clone());
         tokio::spawn(async move {
@@ -119,40 +94,7 @@ impl Store for HeldStore {
                 flushed.send_replace(disk.borrow_and_update().1.clone());
             }
         });
-        Ok(followed)
-    }
-
-    async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError> {
-        self.inner.read(map, from).await
-    }
-
-    async fn put_snapshot(
-        &self,
-        map: &str,
-        epoch: Epoch,
-        snapshot: Arc<Map>,
-    ) -> Result<(), StoreError> {
-        self.inner.put_snapshot(map, epoch, snapshot).await
-    }
-
-    async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {
-        self.inner.get_snapshot(map).await
-    }
-
-    async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {
-        self.inner.damage(map).await
-    }
-
-    async fn truncate(&self, map: &str, epoch: Epoch, before: u64) -> Result<(), StoreError> {
-        self.inner.truncate(map, epoch, before).await
-    }
-
-    async fn close(&self) {
-        self.inner.close().await;
-    }
-
-    fn durability(&self) -> Durability {
-        self.inner.durability()
+        Some(followed)
     }
 }
 
@@ -226,7 +168,7 @@ async fn a_creation_that_fails_leaves_the_name_free() {
 async fn a_leftover_of_the_store_does_not_hold_the_name() {
     let store = HeldStore::new();
     let maps = store.maps().await;
-    store.inner.create_map("house").await.unwrap();
+    store.memory.create_map("house").await.unwrap();
     store.release(3);
     maps.create("house", "", policy()).await.unwrap();
     assert_eq!(maps.get("house").unwrap().info().await.unwrap().snapshot.revision(), 1);
@@ -260,7 +202,7 @@ async fn a_server_that_stops_waits_for_the_creation_that_has_begun() {
     assert!(matches!(refused, Err(EngineError::ShuttingDown)), "{refused:?}");
     store.release(1);
     stop.await;
-    assert_eq!(store.inner.read("house", 0).await.unwrap().len(), 1);
+    assert_eq!(store.memory.read("house", 0).await.unwrap().len(), 1);
 }
 
 #[tokio::test(start_paused = true)]

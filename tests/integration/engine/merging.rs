@@ -246,13 +246,13 @@ async fn the_rest_of_a_merge_stays_until_the_target_is_on_the_disk() {
     set_full(&store, &maps, true).await;
     merge(&maps).await.unwrap_err();
     let maps = store.maps().await;
-    assert_eq!(store.inner.list_maps().await.unwrap(), ["floor", "run"]);
+    assert_eq!(store.memory.list_maps().await.unwrap(), ["floor", "run"]);
     let waits = open(&maps.get("run").unwrap()).await;
     assert!(is_moving(&waits), "{waits:?}");
     set_full(&store, &maps, false).await;
     store.release(1);
     let maps = store.maps().await;
-    assert_eq!(store.inner.list_maps().await.unwrap(), ["floor"]);
+    assert_eq!(store.memory.list_maps().await.unwrap(), ["floor"]);
     is_one(&maps).await;
 }
 
@@ -313,11 +313,11 @@ async fn an_undo_waits_for_a_full_disk_and_a_crash_meanwhile_leaves_two_open_map
     // The store as it is now, under another server.
     let after = HeldStore::new();
     for name in ["floor", "run"] {
-        let snapshot = match store.inner.get_snapshot(name).await.unwrap() {
+        let snapshot = match store.memory.get_snapshot(name).await.unwrap() {
             Some(map) => map,
             None => floor.snapshot().await.unwrap(),
         };
-        after.inner.create_map_of(name, snapshot).await.unwrap();
+        after.memory.create_map_of(name, snapshot).await.unwrap();
     }
     let restarted = after.maps().await;
     for name in ["floor", "run"] {
@@ -337,9 +337,9 @@ async fn a_map_with_content_that_has_no_engine_is_not_deleted_by_a_creation() {
     let store = HeldStore::new();
     let maps = two_maps(&store).await;
     let content = maps.get("run").unwrap().snapshot().await.unwrap();
-    store.inner.create_map_of("lost", content).await.unwrap();
+    store.memory.create_map_of("lost", content).await.unwrap();
     store.release(1);
     let refused = maps.create("lost", "", MapPolicy::default()).await;
     assert!(matches!(refused, Err(EngineError::MapExists { .. })), "{refused:?}");
-    assert!(store.inner.get_snapshot("lost").await.unwrap().is_some());
+    assert!(store.memory.get_snapshot("lost").await.unwrap().is_some());
 }

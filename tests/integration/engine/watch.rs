@@ -4,13 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use async_trait::async_trait;
-use covis::map::{ClientIndex, EntityId, Event, Item, ItemLandmark, Map, MapPolicy};
+use covis::map::{ClientIndex, EntityId, Item, ItemLandmark, Map, MapPolicy};
 use covis::service::engine::{EngineConfig, EngineError, MapChange, MapHandle, Maps, SolverPool};
-use covis::store::{Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError};
+use covis::store::Store;
 use covis_solvers::geometry::Se3;
 use futures_util::FutureExt;
 use nalgebra::Vector3;
 
+use super::staged_store::{Stage, StagedStore};
 use super::{Client, Fixture, noisy_keyframe};
 use crate::map_support::id;
 
@@ -64,97 +65,24 @@ async fn a_watcher_goes_on_from_the_revision_that_it_holds() {
 }
 
 /// A store whose journal cannot be read while the test holds it.
-struct HeldStore {
-    memory: MemoryStore,
+#[derive(Default)]
+struct HeldReads {
     /// Readers wait while this is true.
     held: tokio::sync::watch::Sender<bool>,
     /// Readers that wait.
     waiting: tokio::sync::watch::Sender<usize>,
 }
 
-impl HeldStore {
-    fn new() -> Arc<Self> {
-        let (held, waiting) = (tokio::sync::watch::Sender::new(false), Default::default());
-        Arc::new(Self { memory: MemoryStore::new(), held, waiting })
-    }
-
-    async fn wait(&self) {
+#[async_trait]
+impl Stage for HeldReads {
+    async fn reading(&self) {
         self.waiting.send_modify(|count| *count += 1);
         self.held.subscribe().wait_for(|held| !held).await.unwrap();
         self.waiting.send_modify(|count| *count -= 1);
     }
 }
 
-#[async_trait]
-impl Store for HeldStore {
-    async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
-        self.memory.list_maps().await
-    }
-
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
-        self.memory.create_map(map).await
-    }
-
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
-        self.memory.create_map_of(map, snapshot).await
-    }
-
-    async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
-        self.memory.delete_map(map).await
-    }
-
-    async fn acquire(&self, map: &str) -> Result<Epoch, StoreError> {
-        self.memory.acquire(map).await
-    }
-
-    async fn append(
-        &self,
-        map: &str,
-        epoch: Epoch,
-        expected_sequence: u64,
-        batch: Vec<Arc<Event>>,
-    ) -> Result<Position, StoreError> {
-        self.memory.append(map, epoch, expected_sequence, batch).await
-    }
-
-    async fn follow(&self, map: &str) -> Result<tokio::sync::watch::Receiver<Flushed>, StoreError> {
-        self.memory.follow(map).await
-    }
-
-    async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {
-        self.memory.damage(map).await
-    }
-
-    async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError> {
-        self.wait().await;
-        self.memory.read(map, from).await
-    }
-
-    async fn put_snapshot(
-        &self,
-        map: &str,
-        epoch: Epoch,
-        snapshot: Arc<Map>,
-    ) -> Result<(), StoreError> {
-        self.memory.put_snapshot(map, epoch, snapshot).await
-    }
-
-    async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {
-        self.memory.get_snapshot(map).await
-    }
-
-    async fn truncate(&self, map: &str, epoch: Epoch, before: u64) -> Result<(), StoreError> {
-        self.memory.truncate(map, epoch, before).await
-    }
-
-    async fn close(&self) {
-        self.memory.close().await;
-    }
-
-    fn durability(&self) -> Durability {
-        self.memory.durability()
-    }
-}
+type HeldStore = StagedStore<HeldReads>;
 
 async fn maps_on(store: &Arc<HeldStore>) -> (Maps, MapHandle) {
     let store: Arc<dyn Store> = Arc::<HeldStore>::clone(store);
@@ -209,7 +137,7 @@ impl Held {
 
 #[tokio::test]
 async fn a_reader_of_the_whole_journal_holds_up_neither_items_nor_other_watchers() {
-    let store = HeldStore::new();
+    let store = HeldStore::of(HeldReads::default());
     let (_maps, map) = maps_on(&store).await;
     let mut client = Client::open(&map).await;
     client.send_street(0..3).await;
@@ -239,7 +167,7 @@ async fn a_reader_of_the_whole_journal_holds_up_neither_items_nor_other_watchers
 
 #[tokio::test]
 async fn a_map_that_is_deleted_ends_the_watchers_that_read_its_journal() {
-    let store = HeldStore::new();
+    let store = HeldStore::of(HeldReads::default());
     let (maps, map) = maps_on(&store).await;
     let mut client = Client::open(&map).await;
     client.send_street(0..2).await;
@@ -258,7 +186,7 @@ async fn a_map_that_is_deleted_ends_the_watchers_that_read_its_journal() {
 
 #[tokio::test]
 async fn four_readers_resume_and_hold_what_a_reset_gives() {
-    let store = HeldStore::new();
+    let store = HeldStore::of(HeldReads::default());
     let (_maps, map) = maps_on(&store).await;
     let mut client = Client::open(&map).await;
     client.send_street(0..4).await;
