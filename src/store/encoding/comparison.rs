@@ -8,7 +8,7 @@ use std::io::Read;
 use std::mem;
 
 use super::EncodingError;
-use super::snapshot::each_part;
+use super::joined::each_part;
 use crate::map::{
     CameraEntity, Client, Constraint, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts,
     Prior, SwitchedOff, shared_map,

@@ -7,7 +7,8 @@ use super::entities::{
     decode_constraint, decode_policy, decode_similarity, encode_constraint, encode_policy,
     encode_pose, encode_scale,
 };
-use super::snapshot::{Joined, Parts};
+use super::joined::Joined;
+use super::snapshot::Parts;
 use super::{EncodingError, v1};
 use crate::map::{ClientIndex, Merge, MergedClient, MergedMap};
 

@@ -11,6 +11,7 @@ mod comparison;
 mod entities;
 mod event;
 mod jobs;
+mod joined;
 mod merging;
 mod places;
 mod snapshot;
@@ -23,7 +24,8 @@ pub(super) use jobs::{
     decode_checkpoint, decode_job, decode_later_job, decode_upload, encode_checkpoint, encode_job,
     encode_upload,
 };
-pub(super) use snapshot::{Joined, Parts, decode_map, encode_map};
+pub(super) use joined::{Joined, decode_map};
+pub(super) use snapshot::{Parts, encode_map};
 
 use std::sync::LazyLock;
 

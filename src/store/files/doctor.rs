@@ -44,7 +44,6 @@ pub struct MapCheckup {
 
 impl MapCheckup {
     /// Whether anything is wrong.
-    #[must_use]
     pub fn is_damaged(&self) -> bool {
         !self.damage.is_empty() || self.failure.is_some()
     }
