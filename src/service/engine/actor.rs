@@ -20,7 +20,7 @@ use tokio::sync::mpsc;
 use tracing::Instrument;
 
 use super::background::Background;
-use super::control::{Control, Reply};
+use super::control::{Control, Reply, tell};
 use super::durability::{Durability, unix_time_ns};
 use super::error::report_bug;
 use super::handle::Shared;
@@ -173,38 +173,27 @@ impl Actor {
 
     async fn answer(&mut self, control: Control) -> Flow {
         self.answered = true;
-        // A caller that went away needs no answer, so that failed sends are ignored.
         match control {
-            Control::Info { reply } => {
-                let _gone = reply.send(self.info());
-            }
+            Control::Info { reply } => tell(reply, self.info()),
             Control::Open { client, epoch, lock_step, handle, reply } => {
                 let opened = match self.named_here(client, &handle) {
                     Ok(client) => self.open_stream(client, epoch, lock_step, handle).await,
                     Err(moving) => Err(moving),
                 };
-                let _gone = reply.send(opened);
+                tell(reply, opened);
             }
             Control::Watch { from_revision, handle, reply } => {
-                let _gone = reply.send(self.watch(from_revision, handle));
+                tell(reply, self.watch(from_revision, handle))
             }
             Control::Optimize(job) => self.optimize(*job),
-            Control::Update { update, reply } => {
-                let _gone = reply.send(self.update(update).await);
-            }
+            Control::Update { update, reply } => tell(reply, self.update(update).await),
             Control::RetireRedundant { keyframes, share, reply } => {
-                let _gone = reply.send(self.retire_redundant(keyframes, share).await);
+                tell(reply, self.retire_redundant(keyframes, share).await)
             }
             Control::DropJournal { reply } => self.drop_journal(reply),
-            Control::Hold { reply } => {
-                let _gone = reply.send(self.hold());
-            }
-            Control::Join { joining, reply } => {
-                let _gone = reply.send(self.join(*joining).await);
-            }
-            Control::TakeOut { name, reply } => {
-                let _gone = reply.send(self.take_out(name).await);
-            }
+            Control::Hold { reply } => tell(reply, self.hold()),
+            Control::Join { joining, reply } => tell(reply, self.join(*joining).await),
+            Control::TakeOut { name, reply } => tell(reply, self.take_out(name).await),
             Control::Delete { reply } => {
                 let map = &self.shared.name;
                 let deleted = self.shared.store.delete_map(map).await;
@@ -216,7 +205,7 @@ impl Actor {
                         false => EngineError::MapNotFound { map },
                     });
                 }
-                let _gone = reply.send(deleted.map_err(EngineError::Store));
+                tell(reply, deleted.map_err(EngineError::Store));
                 if stop {
                     return Flow::Stop;
                 }

@@ -44,6 +44,11 @@ impl fmt::Debug for MapUpdate {
 /// Answers a control message.
 pub(super) type Reply<T> = oneshot::Sender<T>;
 
+/// Answers a call. A caller that went away needs no answer.
+pub(super) fn tell<T>(reply: Reply<T>, answer: T) {
+    let _gone = reply.send(answer);
+}
+
 /// A request to the engine that is not an item.
 pub(super) enum Control {
     Info {
