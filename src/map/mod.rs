@@ -74,7 +74,7 @@ pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearche
 pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
     ClosureEdge, Compared, GlobalOptions, GraphProblem, JudgedPosition, MapProblem, global_problem,
-    graph_problem, local_problem, measured_graph, observation_problem,
+    local_problem, measured_graph, observation_problem,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::{redundant_keyframes, retire, retire_redundant};
@@ -142,64 +142,54 @@ impl Map {
     }
 
     /// How many events were applied.
-    #[must_use]
     pub fn revision(&self) -> i64 {
         self.revision
     }
 
     /// Unix time of the creation in nanoseconds, by the server's clock.
-    #[must_use]
     pub fn create_time_ns(&self) -> i64 {
         self.create_time_ns
     }
 
     /// Unix time of the last event in nanoseconds, by the server's clock.
-    #[must_use]
     pub fn update_time_ns(&self) -> i64 {
         self.update_time_ns
     }
 
     /// Free text for people.
-    #[must_use]
     pub fn display_name(&self) -> &str {
         &self.display_name
     }
 
     /// The rules by which the map is kept.
-    #[must_use]
     pub fn policy(&self) -> &MapPolicy {
         &self.policy
     }
 
     /// Whether a policy keeps the geodetic anchor by which positions of this map were converted. A map
     /// without priors, or without an anchor, can take any policy.
-    #[must_use]
     pub fn keeps_anchor(&self, policy: &MapPolicy) -> bool {
         let anchor = self.policy.geodetic_anchor;
         anchor.is_none() || anchor == policy.geodetic_anchor || self.priors.is_empty()
     }
 
     /// Whether the map takes no items and no solves, by request.
-    #[must_use]
     pub fn is_frozen(&self) -> bool {
         self.frozen
     }
 
     /// The clients in the order of their first stream; a [`ClientIndex`] is a position here.
-    #[must_use]
     pub fn clients(&self) -> &[Client] {
         &self.clients
     }
 
     /// The client at `index`.
-    #[must_use]
     pub fn client(&self, index: ClientIndex) -> Option<&Client> {
         self.clients.get(index.0 as usize)
     }
 
     /// The items whose solves are outstanding: of each client the last one. Of the server's own closures
     /// the last revision that added some stands for the sequence.
-    #[must_use]
     pub fn pending_solves(&self) -> Vec<(ClientIndex, PendingSolve)> {
         let outstanding = |(index, client): (u32, &Client)| {
             let unsolved = client.pending_solve.clone()?;
@@ -213,38 +203,32 @@ impl Map {
     }
 
     /// The client called `name`.
-    #[must_use]
     pub fn client_named(&self, name: &str) -> Option<ClientIndex> {
         let index = self.clients.iter().position(|c| c.name == name)?;
         u32::try_from(index).ok().map(ClientIndex)
     }
 
     /// The cameras.
-    #[must_use]
     pub fn cameras(&self) -> &BTreeMap<EntityId, CameraEntity> {
         &self.cameras
     }
 
     /// The keyframes.
-    #[must_use]
     pub fn keyframes(&self) -> &SharedMap<EntityId, Keyframe> {
         &self.keyframes
     }
 
     /// The landmarks, those without a position too.
-    #[must_use]
     pub fn landmarks(&self) -> &SharedMap<EntityId, Landmark> {
         &self.landmarks
     }
 
     /// The relative-pose constraints, those that are switched off too.
-    #[must_use]
     pub fn constraints(&self) -> &SharedMap<EntityId, Constraint> {
         &self.constraints
     }
 
     /// The loop closures and position priors that do not count.
-    #[must_use]
     pub fn switched_off(&self) -> &BTreeMap<EntityId, SwitchedOff> {
         &self.switched_off
     }
@@ -255,7 +239,6 @@ impl Map {
     }
 
     /// A relative-pose constraint, if it counts.
-    #[must_use]
     pub fn active_constraint(&self, id: EntityId) -> Option<&Constraint> {
         self.constraints.get(&id).filter(|_| !self.switched_off.contains_key(&id))
     }
@@ -267,37 +250,31 @@ impl Map {
     }
 
     /// A prior, if it counts.
-    #[must_use]
     pub fn active_prior(&self, id: EntityId) -> Option<&Prior> {
         self.priors.get(&id).filter(|_| !self.switched_off.contains_key(&id))
     }
 
     /// The priors, those that are switched off too.
-    #[must_use]
     pub fn priors(&self) -> &SharedMap<EntityId, Prior> {
         &self.priors
     }
 
     /// The constraints and priors of each keyframe.
-    #[must_use]
     pub fn ties(&self) -> &Ties {
         &self.ties
     }
 
     /// How many landmarks keyframes share.
-    #[must_use]
     pub fn covisibility(&self) -> &Covisibility {
         &self.covisibility
     }
 
     /// How many observations the keyframes have.
-    #[must_use]
     pub fn observation_count(&self) -> u64 {
         self.observation_count
     }
 
     /// The keyframes of `client`, by capture time, then id.
-    #[must_use]
     pub fn trajectory(&self, client: ClientIndex) -> Vec<(EntityId, &Keyframe)> {
         let range = EntityId::new(client, i64::MIN)..=EntityId::new(client, i64::MAX);
         let mut keyframes: Vec<_> = self.keyframes.range(range).map(|(&id, k)| (id, k)).collect();
@@ -308,7 +285,6 @@ impl Map {
     /// Whether item `sequence` of `client` is journaled, and with this digest.
     ///
     /// A sequence below `next_sequence` that was skipped or refused is [`Recall::New`].
-    #[must_use]
     pub fn recall(&self, client: ClientIndex, sequence: i64, digest: &Digest) -> Recall {
         match self.client(client).and_then(|c| c.items.get(&sequence)) {
             None => Recall::New,

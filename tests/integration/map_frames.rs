@@ -3,13 +3,13 @@
 
 use covis::map::{
     AppliedSolve, Change, EntityRef, Gauge, Item, ItemLandmark, Map, MapPolicy, SolveKind, applied,
-    graph_problem,
 };
 use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::Vector3;
 
 use crate::map_support::{
-    Journal, ROBOT, corner, id, observe, pose_at, pose_error, solve_of, street, street_keyframe,
+    Journal, ROBOT, corner, graph_problem, id, observe, pose_at, pose_error, solve_of, street,
+    street_keyframe,
 };
 
 /// Another robot's frame lies here.

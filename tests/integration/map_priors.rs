@@ -4,8 +4,7 @@
 
 use covis::map::{
     AppliedSolve, Change, ConstraintKind, EntityRef, Gauge, GlobalOptions, Item, MapPolicy, Place,
-    Prior, Reason, SolveKind, SwitchedOff, choose_window, global_problem, graph_problem,
-    local_problem,
+    Prior, Reason, SolveKind, SwitchedOff, choose_window, global_problem, local_problem,
 };
 use covis_solvers::geometry::{Geodetic, LocalFrame};
 use covis_solvers::information::Information;
@@ -13,7 +12,7 @@ use covis_solvers::loss::Loss;
 use nalgebra::Vector3;
 
 use crate::map_support::{
-    Journal, ROBOT, fix, id, loop_problem, pose_at, relative_pose, solve_of, street,
+    Journal, ROBOT, fix, graph_problem, id, loop_problem, pose_at, relative_pose, solve_of, street,
 };
 
 /// A solve that changes nothing but verdicts.

@@ -4,8 +4,8 @@
 
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Counted, Edit, EntityId, EntityRef,
-    Event, GraphProblem, Item, ItemLandmark, ItemObservation, Map, MapPolicy, Place, Rejection,
-    SolveKind, graph_problem,
+    Event, Gauge, GraphPairs, GraphProblem, Item, ItemLandmark, ItemObservation, Map, MapPolicy,
+    Place, Rejection, SolveKind, measured_graph,
 };
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use covis_solvers::information::Information;
@@ -178,6 +178,17 @@ pub(crate) fn fix(id: i64, keyframe: i64, point_in_world: Vector3<f64>) -> Item 
 
 pub(crate) fn pixel(u: f64, v: f64) -> Vector2<f64> {
     Vector2::new(u, v)
+}
+
+/// The pose graph of a whole map; `measured` tells the relative pose of a pair, where there is one.
+pub(crate) fn graph_problem(
+    map: &Map,
+    gauge: Gauge,
+    measured: impl Fn(EntityId, EntityId) -> Option<RelativeMotion>,
+) -> GraphProblem {
+    let pairs = GraphPairs::of(map);
+    let motions: Vec<_> = pairs.ids().map(|(a, b)| measured(a, b)).collect();
+    measured_graph(map, gauge, &pairs, &motions)
 }
 
 /// The pose graph of a whole map with the policy's gauge.

@@ -40,19 +40,7 @@ const LEAST_ANGLE_RAD: f64 = 0.005;
 const ANGLE_SHARE: f64 = 0.02;
 
 /// The pose graph over all keyframes, with all priors; `gauge` says what holds the pieces without
-/// priors. `measured` tells the relative pose of a pair, where there is one.
-#[must_use]
-pub fn graph_problem(
-    map: &Map,
-    gauge: Gauge,
-    measured: impl Fn(EntityId, EntityId) -> Option<RelativeMotion>,
-) -> GraphProblem {
-    let pairs = GraphPairs::of(map);
-    let motions: Vec<Option<RelativeMotion>> = pairs.ids().map(|(a, b)| measured(a, b)).collect();
-    measured_graph(map, gauge, &pairs, &motions)
-}
-
-/// As [`graph_problem`], with the pairs of the map and the relative pose of each, where there is one.
+/// priors. `pairs` are those of the map, `motions` the relative pose of each, where there is one.
 #[must_use]
 pub fn measured_graph(
     map: &Map,

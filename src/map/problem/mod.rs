@@ -19,7 +19,7 @@ use covis_solvers::robust::VarianceFactors;
 use super::{ClientIndex, EntityId, Gauge, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem, observation_problem, retirement_problem};
-pub use graph::{graph_problem, measured_graph};
+pub use graph::measured_graph;
 pub use reconstructed::Compared;
 
 /// A bundle adjustment problem with the names of its variables.
@@ -44,7 +44,6 @@ pub struct MapProblem {
 impl MapProblem {
     /// Whether there is something to move and something to measure it by; otherwise a solver would
     /// refuse the problem as empty, which for a young map is no error.
-    #[must_use]
     pub fn is_solvable(&self) -> bool {
         let problem = &self.problem;
         let has_factors = problem.observation_count() > 0 || !problem.relative_poses.is_empty();
@@ -111,14 +110,12 @@ pub struct JudgedPosition {
 
 impl GraphProblem {
     /// The edges that are no loop closures, rising.
-    #[must_use]
     pub fn trusted(&self) -> Vec<usize> {
         let mut closures = self.closures.iter().map(|closure| closure.edge).peekable();
         (0..self.graph.edges.len()).filter(|edge| closures.next_if_eq(edge).is_none()).collect()
     }
 
     /// Whether there is an edge or a prior and a pose that may move.
-    #[must_use]
     pub fn is_solvable(&self) -> bool {
         (self.graph.has_priors() || !self.graph.edges.is_empty())
             && self.graph.constant.iter().any(|&c| !c)

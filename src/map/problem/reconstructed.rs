@@ -45,7 +45,6 @@ impl Compared {
     }
 
     /// The cost of the values that it has.
-    #[must_use]
     pub fn cost(&self) -> CostReport {
         bundle_cost(&self.problem)
     }

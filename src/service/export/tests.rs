@@ -9,8 +9,8 @@ use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
 
 use super::*;
 use crate::map::{
-    CameraEntity, Change, ClientIndex, Constraint, ConstraintKind, EntityId, Event, GraphProblem,
-    MapPolicy, NewLandmark, Observation, graph_problem,
+    CameraEntity, Change, ClientIndex, Constraint, ConstraintKind, EntityId, Event, GraphPairs,
+    GraphProblem, MapPolicy, NewLandmark, Observation, measured_graph,
 };
 use crate::service::convert::ids::client_name;
 use crate::store::MapFileWriter;
@@ -89,7 +89,9 @@ fn map() -> Arc<Map> {
 
 /// The pose graph by odometry and constraints.
 fn unmeasured(map: &Map) -> GraphProblem {
-    graph_problem(map, map.policy().gauge, |_, _| None)
+    let pairs = GraphPairs::of(map);
+    let motions = vec![None; pairs.ids().len()];
+    measured_graph(map, map.policy().gauge, &pairs, &motions)
 }
 
 fn started(map: &Arc<Map>, format: Format) -> Export {
