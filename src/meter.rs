@@ -46,7 +46,6 @@ impl Counter {
     }
 
     /// The count so far.
-    #[must_use]
     pub fn get(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
@@ -65,7 +64,6 @@ impl Gauge {
     }
 
     /// How many there are.
-    #[must_use]
     pub fn get(&self) -> i64 {
         self.0.load(Ordering::Relaxed)
     }
@@ -128,7 +126,6 @@ impl Histogram {
     }
 
     /// The sum of the values.
-    #[must_use]
     pub fn sum(&self) -> u64 {
         self.sum.load(Ordering::Relaxed)
     }

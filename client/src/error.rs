@@ -133,13 +133,11 @@ impl ClientError {
     }
 
     /// The status code, where a call ended with one.
-    #[must_use]
     pub fn code(&self) -> Option<Code> {
         self.cause().status().map(Status::code)
     }
 
     /// `ErrorInfo.reason` of a status that the server built, for instance `MAP_NOT_FOUND`.
-    #[must_use]
     pub fn reason(&self) -> Option<String> {
         reason(self.cause().status()?)
     }

@@ -37,7 +37,6 @@ impl MapExport {
     }
 
     /// What the export holds: revision and the paths of its files, in order.
-    #[must_use]
     pub fn header(&self) -> &v1::ExportMapHeader {
         &self.header
     }

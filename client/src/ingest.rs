@@ -147,7 +147,6 @@ pub struct IngestReport {
 
 impl IngestReport {
     /// Items without an answer.
-    #[must_use]
     pub fn unanswered(&self) -> u64 {
         self.sent.saturating_sub(self.acknowledged + self.rejected)
     }
@@ -219,19 +218,16 @@ impl IngestSession {
     }
 
     /// The server's answer to the first opening: limits, durability, where it goes on.
-    #[must_use]
     pub fn opened(&self) -> &v1::IngestOpened {
         &self.opened
     }
 
     /// What an earlier session left in the spill file; it is being sent.
-    #[must_use]
     pub fn left_over(&self) -> Option<&LeftOver> {
         self.left_over.as_ref()
     }
 
     /// The sequence that [`IngestSession::send`] gives next.
-    #[must_use]
     pub fn next_sequence(&self) -> i64 {
         self.opened.next_sequence.max(self.last_sequence + 1)
     }
@@ -314,7 +310,6 @@ impl IngestSession {
     }
 
     /// How far the session has come.
-    #[must_use]
     pub fn report(&self) -> IngestReport {
         IngestReport { sent: self.sent, ..self.state.borrow().report.clone() }
     }

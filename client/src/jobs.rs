@@ -167,7 +167,6 @@ impl JobDownload {
     }
 
     /// The files that follow, in order.
-    #[must_use]
     pub fn files(&self) -> &[v1::JobFile] {
         &self.files
     }

@@ -145,7 +145,6 @@ impl Client {
     }
 
     /// The address of the server that calls go to.
-    #[must_use]
     pub fn url(&self) -> Arc<str> {
         self.servers.url()
     }

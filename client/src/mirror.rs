@@ -53,7 +53,6 @@ impl MapMirror {
     /// Where a client's odometry frame lies in the map, in the client's unit of length; absent where the
     /// client has no keyframe. With it the client makes its start estimates, in whatever unit the map is:
     /// `world_from_camera` = `map_from_odom` · `odom_from_camera`.
-    #[must_use]
     pub fn map_from_odom(&self, client_id: &str) -> Option<&v1::RigidTransform> {
         self.client_frames.get(client_id)?.map_from_odom.as_ref()
     }
@@ -61,7 +60,6 @@ impl MapMirror {
     /// The length in the map of a client's unit of length: 1, unless its map was made without measured
     /// lengths and became part of another one. What a client sends is in its own unit; lengths that the
     /// mirror holds are in the map's, and the client divides them by this.
-    #[must_use]
     pub fn scale(&self, client_id: &str) -> f64 {
         // An earlier server sends none.
         let sent = self.client_frames.get(client_id).map(|frame| frame.scale);

@@ -63,7 +63,6 @@ impl MapWatch {
     }
 
     /// The map as of the last delta.
-    #[must_use]
     pub fn mirror(&self) -> &MapMirror {
         &self.mirror
     }

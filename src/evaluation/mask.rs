@@ -50,26 +50,22 @@ impl MaskOverlap {
     }
 
     /// Both over either; `None` where neither masks anything.
-    #[must_use]
     pub fn iou(&self) -> Option<f64> {
         let either = self.truth + self.estimate - self.both;
         (either > 0).then(|| self.both as f64 / either as f64)
     }
 
     /// The share of the frame that the truth masks, 0 for a frame without pixels.
-    #[must_use]
     pub fn coverage(&self) -> f64 {
         share(self.truth, self.pixels)
     }
 
     /// The share of the frame that the estimate masks.
-    #[must_use]
     pub fn masked_share(&self) -> f64 {
         share(self.estimate, self.pixels)
     }
 
     /// The share of the frame that the estimate masks and the truth does not.
-    #[must_use]
     pub fn false_share(&self) -> f64 {
         share(self.estimate - self.both, self.pixels)
     }

@@ -70,7 +70,6 @@ impl<'a> View<'a> {
     }
 
     /// The features that the index of places compares, and their places among [`View::features`].
-    #[must_use]
     pub fn searchable(&self) -> (Vec<usize>, Vec<place::Feature<'a>>) {
         let all = self.descriptors.iter().enumerate();
         all.filter_map(|(at, descriptor)| Some((at, searchable((*descriptor)?)?))).unzip()

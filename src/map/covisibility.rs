@@ -38,7 +38,6 @@ pub struct Covisibility {
 
 impl Covisibility {
     /// How many landmarks `a` and `b` share; 0 for a keyframe with itself.
-    #[must_use]
     pub fn shared(&self, a: EntityId, b: EntityId) -> u32 {
         self.rows.get(&a).and_then(|row| row.get(&b)).copied().unwrap_or(0)
     }
@@ -49,7 +48,6 @@ impl Covisibility {
     }
 
     /// How many counts are kept: two per pair.
-    #[must_use]
     pub fn entry_count(&self) -> u64 {
         self.entry_count
     }

@@ -71,7 +71,6 @@ impl Map {
     /// Times and the display name are left out, so that two runs on the same input compare equal; the
     /// covisibility counts are left out because the observations determine them. What is to be solved
     /// for a client is left out because earlier versions did not keep it.
-    #[must_use]
     pub fn state_hash(&self) -> [u8; 32] {
         let mut hash = Hash::new();
         hash.i64(self.revision);
@@ -138,7 +137,6 @@ impl Map {
     ///
     /// Revisions, epochs and sequences are left out, so that a stream that broke and was resumed
     /// compares equal to one that did not.
-    #[must_use]
     pub fn content_hash(&self) -> [u8; 32] {
         let mut hash = Hash::new();
         hash.list(&self.clients, |hash, client| hash.text(&client.name));
@@ -181,7 +179,6 @@ impl Map {
 
     /// SHA-256 over the ids of all keyframes by client name, then id: the name as text, the id as
     /// eight bytes.
-    #[must_use]
     pub fn keyframe_ids_digest(&self) -> [u8; 32] {
         let name = |id: &EntityId| self.client(id.client).map_or("", |client| &client.name);
         let mut ids: Vec<(&str, i64)> = self.keyframes.keys().map(|id| (name(id), id.id)).collect();

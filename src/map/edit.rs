@@ -79,7 +79,6 @@ impl Edit {
     }
 
     /// The camera that it brings.
-    #[must_use]
     pub fn camera(&self) -> Option<&CameraEntity> {
         match self {
             Self::SetCamera { camera, .. } => Some(camera),
@@ -92,7 +91,6 @@ impl Edit {
     }
 
     /// About how many entities its check looks at.
-    #[must_use]
     pub fn size(&self) -> usize {
         match self {
             Self::RevokeConstraint { .. } | Self::RemoveKeyframe { .. } => 1,

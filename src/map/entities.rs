@@ -62,7 +62,6 @@ impl Client {
 
     /// Its newest epoch as far as it fences others: one above [`MAX_NUMBER`], which an earlier version
     /// took, fences none, because no later one could follow it.
-    #[must_use]
     pub fn newest_epoch(&self) -> i64 {
         if self.epoch > MAX_NUMBER { 0 } else { self.epoch }
     }
@@ -151,7 +150,6 @@ impl Observation {
 
     /// What makes an observation of a keyframe unique: the landmark and the bits of its pixel. Two
     /// features may match one landmark (structure-from-motion models hold such pairs).
-    #[must_use]
     pub fn key(&self) -> (EntityId, [u64; 2]) {
         (self.landmark, [self.pixel.x.to_bits(), self.pixel.y.to_bits()])
     }
@@ -180,13 +178,11 @@ pub struct Keyframe {
 impl Keyframe {
     /// Where the client's odometry frame lies in the world by this keyframe's current estimate:
     /// `world_from_camera` · `odom_from_camera`⁻¹, both in the map's unit.
-    #[must_use]
     pub fn map_from_odom(&self) -> Se3 {
         self.world_from_camera.compose(&self.odom_from_camera.inverse())
     }
 
     /// The first observation of `landmark`, if there is one.
-    #[must_use]
     pub fn observation_of(&self, landmark: EntityId) -> Option<&Observation> {
         self.observations.of(landmark)
     }
@@ -283,7 +279,6 @@ pub enum Prior {
 
 impl Prior {
     /// The keyframe that is measured.
-    #[must_use]
     pub fn keyframe(&self) -> EntityId {
         match *self {
             Self::Pose { keyframe, .. } | Self::Position { keyframe, .. } => keyframe,

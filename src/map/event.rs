@@ -131,7 +131,6 @@ pub struct Retired {
 impl Change {
     /// Whether entities change that the event does not name: what a removed keyframe sees, and
     /// duplicates of removed landmarks.
-    #[must_use]
     pub fn changes_others(&self) -> bool {
         matches!(
             self,

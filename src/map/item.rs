@@ -66,7 +66,6 @@ pub enum Place {
 
 impl Place {
     /// Whether each number is finite and within its range.
-    #[must_use]
     pub fn is_valid(&self) -> bool {
         match self {
             Self::InWorld(point) => is_finite(point),
@@ -210,7 +209,6 @@ pub(crate) fn is_valid_camera(camera: &Camera) -> bool {
 impl Item {
     /// Whether each number is finite, and positive where its description says so. Items from the
     /// wire are; this guards a map against programs that make items themselves.
-    #[must_use]
     pub fn has_valid_numbers(&self) -> bool {
         let are_placed = |landmarks: &[ItemLandmark]| {
             landmarks.iter().all(|landmark| landmark.position.as_ref().is_none_or(is_finite))

@@ -32,7 +32,6 @@ pub struct PairInput {
 
 impl PairInput {
     /// Measures the pose of b in the frame of a; `None` where the landmarks do not determine it.
-    #[must_use]
     pub fn measure(&self) -> Option<RelativeMotion> {
         relative_motion::measure(&self.camera_b, &self.matches, &self.start)
     }

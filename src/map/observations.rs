@@ -22,13 +22,11 @@ struct Inner {
 
 impl Observations {
     /// Whether both are one list in memory, which is cheaper to tell than whether they are equal.
-    #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
     }
 
     /// The first observation of `landmark`, if there is one.
-    #[must_use]
     pub fn of(&self, landmark: EntityId) -> Option<&Observation> {
         let Inner { list, by_landmark } = &*self.0;
         let places = by_landmark.get_or_init(|| places(list));

@@ -60,25 +60,21 @@ pub struct MapParts {
 
 impl Map {
     /// How many solves were applied.
-    #[must_use]
     pub fn solve_count(&self) -> i64 {
         self.solve_count
     }
 
     /// The last solve that named its request. It is no part of the hashes: it says nothing of the map.
-    #[must_use]
     pub fn last_request(&self) -> Option<&LastRequest> {
         self.last_request.as_ref()
     }
 
     /// The digests of cameras, keyframes and constraints as they were sent.
-    #[must_use]
     pub fn contents(&self) -> &SharedMap<(Content, EntityId), Digest> {
         &self.contents
     }
 
     /// The parts of the map; lists are shared, not copied, where possible.
-    #[must_use]
     pub fn to_parts(&self) -> MapParts {
         MapParts {
             revision: self.revision,

@@ -77,19 +77,16 @@ pub struct PlaceSearches {
 
 impl PlaceSearches {
     /// The keyframes whose place is to be searched, with the revision that asks for it, by id.
-    #[must_use]
     pub fn pending(&self) -> &SharedMap<EntityId, i64> {
         &self.pending
     }
 
     /// What was found, by keyframe.
-    #[must_use]
     pub fn done(&self) -> &SharedMap<EntityId, PlaceSearch> {
         &self.done
     }
 
     /// The last revision that added closures which no pose graph has covered; 0 where there is none.
-    #[must_use]
     pub fn unsolved(&self) -> i64 {
         self.unsolved
     }
@@ -165,13 +162,11 @@ fn is_searchable(observation: &Observation) -> bool {
 
 impl Map {
     /// What the searches for known places found.
-    #[must_use]
     pub fn place_searches(&self) -> &PlaceSearches {
         &self.place_searches
     }
 
     /// Estimated memory of the descriptors and of an index of them, part of [`Map::usage`].
-    #[must_use]
     pub fn descriptor_bytes(&self) -> u64 {
         self.descriptor_bytes
     }

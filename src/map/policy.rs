@@ -50,7 +50,6 @@ impl ClosureRobustness {
     pub const NONE: Self = Self { kernel: None, threshold: None };
 
     /// The threshold for residuals of `dimension` numbers.
-    #[must_use]
     pub fn threshold_of_dimension(&self, dimension: usize) -> f64 {
         self.threshold.unwrap_or_else(|| default_threshold(dimension))
     }

@@ -94,7 +94,6 @@ impl Rejection {
     }
 
     /// Whether nothing is wrong.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.violations.is_empty()
     }

@@ -21,7 +21,6 @@ const APART: f64 = 3.0;
 
 impl Map {
     /// The length in the map of a unit of length of a client, [`Client::scale`](super::Client::scale).
-    #[must_use]
     pub fn scale_of(&self, client: ClientIndex) -> f64 {
         self.client(client).map_or(1.0, |client| client.scale)
     }
@@ -29,7 +28,6 @@ impl Map {
     /// Whether something measured lengths: a depth, or two positions in the world that are apart. One
     /// prior holds the frame only. Odometry tells nothing, since a camera's has a unit of its own, and
     /// priors that are the server's own come from keyframes that were retired.
-    #[must_use]
     pub fn has_metric_scale(&self) -> bool {
         let has_depth = |seen: &Observation| seen.depth.is_some();
         self.keyframes.values().any(|keyframe| keyframe.observations.iter().any(has_depth))

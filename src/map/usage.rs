@@ -3,7 +3,7 @@
 //! The fold keeps the [`Usage`] of a map, so that reading it costs nothing; [`Map::growth`] is the most
 //! that a change would add. The same [`MapLimits`] apply to a map, to all maps of a tenant and to all
 //! maps of a server. Every kind of entity counts. Bytes are an estimate of the memory that the map
-//! takes, from the numbers of its entities. Nothing is refused here: what happens at a ceiling is
+//! takes, from the numbers of its entities. Nothing is refused here: what happens at a limit is
 //! decided by the engine.
 
 use std::mem::size_of;
@@ -107,7 +107,6 @@ impl<T: Copy> Counts<T> {
     }
 
     /// The value of one kind.
-    #[must_use]
     pub fn of(&self, counted: Counted) -> T {
         match counted {
             Counted::Clients => self.clients,
@@ -140,7 +139,6 @@ impl MapLimits {
 
     /// The first limit that `growth` on top of `usage` exceeds. A count that does not grow exceeds
     /// none.
-    #[must_use]
     pub fn exceeded(&self, usage: Usage, growth: Usage) -> Option<Exceeded> {
         Counted::ALL.into_iter().find_map(|counted| {
             let maximum = self.of(counted)?;
@@ -261,7 +259,6 @@ const NEW_KEYFRAME: Usage = Usage { keyframes: 1, bytes: KEYFRAME + ITEM, ..NOTH
 
 impl Map {
     /// What the map holds.
-    #[must_use]
     pub fn usage(&self) -> Usage {
         let clients = self.clients.len() as u64;
         let cameras = self.cameras.len() as u64;
@@ -291,7 +288,6 @@ impl Map {
 
     /// An upper bound of [`Map::growth`], from the lengths of the change's lists alone: most changes
     /// are far from every limit, and looking up each landmark to know so is expensive.
-    #[must_use]
     pub fn growth_bound(&self, change: &Change) -> Usage {
         let by_observations = |added: &[Observation]| {
             let neighbors = (added.len() * 2 * NEAREST).min(self.keyframes.len()) as u64;
@@ -305,7 +301,6 @@ impl Map {
     /// A removal adds nothing, so that a full map takes it: it frees more than its digest takes. Only
     /// if a landmark loses some of more than 33 observers may bytes grow, because keyframes come to
     /// share it that others stood between.
-    #[must_use]
     pub fn growth(&self, change: &Change) -> Usage {
         let by_landmarks = |new: &[NewLandmark]| {
             let is_new = |new: &&NewLandmark| !self.landmarks.contains_key(&new.id);

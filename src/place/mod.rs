@@ -164,13 +164,11 @@ impl PlaceIndex {
     }
 
     /// Whether the keyframe is in the index. One without descriptors never is.
-    #[must_use]
     pub fn contains(&self, keyframe: EntityId) -> bool {
         self.indexes.values().any(|index| index.contains(keyframe)) || self.whole.contains(keyframe)
     }
 
     /// Memory, bytes: descriptors, tables and lists.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         // A node of the ordered map beside what each index holds.
         let bytes = self

@@ -68,7 +68,6 @@ pub struct SolveLimits {
 
 impl SolveLimits {
     /// These limits where they are set, otherwise those of `default`.
-    #[must_use]
     pub fn over(&self, default: EngineConfig) -> EngineConfig {
         EngineConfig {
             max_solve_bytes: self.max_bytes.unwrap_or(default.max_solve_bytes),

@@ -307,25 +307,21 @@ impl StartingServer {
 impl RunningServer {
     /// The pool that runs this server's solves. The caller can queue its own work here, so that a
     /// test can block the pool and observe what waits.
-    #[must_use]
     pub fn solver_pool(&self) -> Arc<SolverPool> {
         Arc::clone(self.context.maps.pool())
     }
 
     /// The address that was bound.
-    #[must_use]
     pub fn local_addr(&self) -> SocketAddr {
         self.address
     }
 
     /// The address where `GET /metrics` is answered, with the port that was bound.
-    #[must_use]
     pub fn metrics_addr(&self) -> Option<SocketAddr> {
         self.metrics.as_ref().map(|(address, _)| *address)
     }
 
     /// The address of the page, with the port that was bound.
-    #[must_use]
     pub fn page_addr(&self) -> Option<SocketAddr> {
         self.page.as_ref().map(|(address, _)| *address)
     }

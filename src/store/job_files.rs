@@ -75,7 +75,6 @@ pub struct JobUpload {
 
 impl JobUpload {
     /// Bytes of all files.
-    #[must_use]
     pub fn bytes(&self) -> u64 {
         self.files.iter().map(|(_, bytes)| bytes).sum()
     }
@@ -139,7 +138,6 @@ impl JobFiles {
     }
 
     /// Whether they survive the process.
-    #[must_use]
     pub fn is_durable(&self) -> bool {
         matches!(self.0, Place::Disk(_))
     }

@@ -106,7 +106,6 @@ pub struct Flushed {
 
 impl Flushed {
     /// Why nothing more becomes durable, for good or for now.
-    #[must_use]
     pub fn trouble(&self) -> Option<&StoreError> {
         self.failed.as_ref().or(self.unavailable.as_ref())
     }

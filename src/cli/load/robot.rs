@@ -100,7 +100,6 @@ impl Level {
     }
 
     /// Keyframes that were never covered.
-    #[must_use]
     pub fn unanswered(&self) -> usize {
         self.open.len()
     }

@@ -46,7 +46,6 @@ impl Map {
 
     /// Whether the map already holds exactly what the item adds, as it was sent: the item is a
     /// duplicate and needs no event, however much solves have changed the entities since.
-    #[must_use]
     pub fn holds(&self, client: ClientIndex, item: &Item) -> bool {
         let mut check = Check { map: self, client, rejection: Rejection::default() };
         let (kind, id) = match item {

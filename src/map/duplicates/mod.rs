@@ -47,13 +47,11 @@ impl Duplicates {
     }
 
     /// Whether there is neither a pair nor a compared closure.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.found_by.is_empty() && self.compared.is_empty()
     }
 
     /// How many pairs there are.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.found_by.len() / 2
     }
@@ -73,13 +71,11 @@ impl Duplicates {
     }
 
     /// The loop closures whose places were compared.
-    #[must_use]
     pub fn compared(&self) -> &BTreeSet<EntityId> {
         &self.compared
     }
 
     /// Whether `landmark` is part of a pair.
-    #[must_use]
     pub fn has(&self, landmark: EntityId) -> bool {
         self.partners(landmark).next().is_some()
     }
@@ -91,7 +87,6 @@ impl Duplicates {
 
     /// The landmarks that are one with `landmark` by a chain of pairs, it too, by id; empty where it is
     /// part of no pair.
-    #[must_use]
     pub fn group(&self, landmark: EntityId) -> Vec<EntityId> {
         if !self.has(landmark) {
             return Vec::new();
@@ -105,7 +100,6 @@ impl Duplicates {
     }
 
     /// The lowest landmark that makes a pair with `landmark`, if it is lower.
-    #[must_use]
     pub fn original_of(&self, landmark: EntityId) -> Option<EntityId> {
         self.partners(landmark).next().filter(|&partner| partner < landmark)
     }
@@ -171,14 +165,12 @@ impl Duplicates {
 
 impl Map {
     /// The landmarks that are one point of the scene.
-    #[must_use]
     pub fn duplicates(&self) -> &Duplicates {
         &self.duplicates
     }
 
     /// Whether bundle adjustment of the whole map is due: a pose graph took closures into account, and
     /// none has followed.
-    #[must_use]
     pub fn is_adjustment_due(&self) -> bool {
         self.adjustment_due
     }
@@ -194,7 +186,6 @@ impl Map {
     }
 
     /// The compared closures that no longer count, with the landmarks of their pairs, each by id.
-    #[must_use]
     pub fn false_duplicates(&self) -> (Vec<EntityId>, Vec<EntityId>) {
         let counts = |id: EntityId| self.active_constraint(id).is_some_and(|c| c.is_closure());
         let compared = self.duplicates.compared.iter().copied();
@@ -239,7 +230,6 @@ impl Map {
 
 impl super::Constraint {
     /// Whether it is a loop closure.
-    #[must_use]
     pub fn is_closure(&self) -> bool {
         self.kind == ConstraintKind::LoopClosure
     }

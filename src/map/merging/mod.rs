@@ -115,13 +115,11 @@ pub enum MergeError {
 
 impl Map {
     /// The maps that became part of this one and were not taken out again, in the order of the merges.
-    #[must_use]
     pub fn merged(&self) -> &[MergedMap] {
         &self.merged
     }
 
     /// The map that became part of this one as `name`.
-    #[must_use]
     pub fn merged_as(&self, name: &str) -> Option<&MergedMap> {
         self.merged.iter().find(|merged| merged.name == name)
     }
@@ -129,7 +127,6 @@ impl Map {
     /// Whether `target`, of which a map became part as `merged` says, has all that clients ever sent to
     /// this map: it is then what is left of the other one. Revisions do not tell, since a map that was
     /// taken out again has a later one.
-    #[must_use]
     pub fn is_within(&self, target: &Self, merged: &MergedMap) -> bool {
         let has_all = |client: &Client| {
             let known = merged.clients.iter().find(|known| known.name == client.name);
@@ -362,7 +359,6 @@ impl Map {
 
 impl MergedMap {
     /// The names in `map`, which it became part of, of the clients that have another one there.
-    #[must_use]
     pub fn renamed(&self, map: &Map) -> BTreeMap<String, String> {
         let renamed = self.clients.iter().filter_map(|client| {
             let here = &map.client(client.index)?.name;
@@ -379,7 +375,6 @@ impl MergedMap {
 
 impl Merge {
     /// The id in the target of a camera, keyframe, landmark or constraint of the content.
-    #[must_use]
     pub fn id_of(&self, id: EntityId) -> EntityId {
         let client = self.clients.get(id.client.0 as usize);
         EntityId { client: client.map_or(id.client, |client| client.index), ..id }

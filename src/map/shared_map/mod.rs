@@ -40,19 +40,16 @@ impl<K, V> Default for SharedMap<K, V> {
 
 impl<K, V> SharedMap<K, V> {
     /// How many entries it has.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.len
     }
 
     /// Whether it has none.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
     /// The entries by rising key.
-    #[must_use]
     pub fn iter(&self) -> Iter<'_, K, V> {
         let entries =
             Entries { branches: self.branches.iter(), leaves: [].iter(), leaf: [].iter() };
@@ -96,7 +93,6 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
     }
 
     /// The value of a key.
-    #[must_use]
     pub fn get(&self, key: &K) -> Option<&V> {
         let leaves = &self.branches[part_of(&self.branches, key)?].1;
         let leaf = &leaves[part_of(leaves, key)?].1;
@@ -105,13 +101,11 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
     }
 
     /// Whether a key has a value.
-    #[must_use]
     pub fn contains_key(&self, key: &K) -> bool {
         self.get(key).is_some()
     }
 
     /// Finds the values of keys that rise, mostly without a search from the top.
-    #[must_use]
     pub fn rising(&self) -> Rising<'_, K, V> {
         Rising { map: self, leaf: &[], end: None, at: 0 }
     }
@@ -123,7 +117,6 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
     }
 
     /// The entry of the highest key.
-    #[must_use]
     pub fn last_key_value(&self) -> Option<(&K, &V)> {
         let (_, leaves) = self.branches.last()?;
         let (_, leaf) = leaves.last()?;

@@ -57,7 +57,6 @@ impl Cancellation {
     }
 
     /// Ends solves once the work is canceled.
-    #[must_use]
     pub fn interrupt(&self) -> Interrupt {
         Interrupt::NEVER.or_when(Arc::clone(&self.flag))
     }

@@ -156,27 +156,23 @@ impl fmt::Debug for MapHandle {
 
 impl MapHandle {
     /// The map's name.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.shared.name
     }
 
     /// Differs from the uid of a later map with the same name; empty if the map could not be
     /// opened.
-    #[must_use]
     pub fn uid(&self) -> &str {
         &self.shared.uid
     }
 
     /// The uid that clients of an ingest stream know: of a map that became part of this one, whose name
     /// the caller used, it is that map's own, because all that it acknowledged is here.
-    #[must_use]
     pub fn ingest_uid(&self) -> &str {
         self.merged.as_ref().map_or(&self.shared.uid, |merged| &merged.uid)
     }
 
     /// The resources that the map holds, and their limits.
-    #[must_use]
     pub fn account(&self) -> &Arc<Account> {
         &self.shared.account
     }
@@ -284,7 +280,6 @@ impl MapHandle {
     /// The pose graph of `map`, a snapshot of this map, as a solve of it begins; `None` when
     /// `interrupt` is due before all pairs of keyframes are measured. Blocks its thread, and uses the
     /// others of its thread pool.
-    #[must_use]
     pub fn pose_graph(&self, map: &Map, interrupt: &Interrupt) -> Option<GraphProblem> {
         let pairs = GraphPairs::of(map);
         let motions = self.shared.pairs.complete(map, &pairs, interrupt);
@@ -295,7 +290,6 @@ impl MapHandle {
     /// Brings the index of places up to `map`, a snapshot of this map, by a piece that takes a tenth of a
     /// second at most. Whether nothing is left to do, which is so too where the interrupt is due. Blocks its
     /// thread.
-    #[must_use]
     pub fn index_places(&self, map: &Map, interrupt: &Interrupt) -> bool {
         !map.policy().place_recognition || self.shared.places.advance(map, interrupt)
     }

@@ -222,7 +222,6 @@ impl Maps {
     }
 
     /// The maps by name.
-    #[must_use]
     pub fn list(&self) -> Vec<MapHandle> {
         self.inner.table.list()
     }
@@ -269,19 +268,16 @@ impl Maps {
     }
 
     /// Which failures acknowledged items survive.
-    #[must_use]
     pub fn durability(&self) -> Durability {
         self.inner.store.durability()
     }
 
     /// The meters of the engines.
-    #[must_use]
     pub fn meters(&self) -> &Arc<EngineMeters> {
         &self.inner.meters
     }
 
     /// The maps and their queues as they are now.
-    #[must_use]
     pub fn counts(&self) -> MapCounts {
         let mut counts = MapCounts::default();
         self.list().iter().for_each(|handle| counts.add(handle));
@@ -289,7 +285,6 @@ impl Maps {
     }
 
     /// The threads of the solves.
-    #[must_use]
     pub fn pool(&self) -> &Arc<SolverPool> {
         &self.inner.pool
     }

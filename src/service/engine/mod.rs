@@ -124,7 +124,6 @@ impl Default for EngineConfig {
 
 impl EngineConfig {
     /// The limits of a solve.
-    #[must_use]
     pub fn ceiling(&self) -> Ceiling {
         Ceiling {
             bytes: Some(self.max_solve_bytes),

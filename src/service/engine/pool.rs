@@ -75,13 +75,11 @@ impl Estimate {
     }
 
     /// Memory that is reserved for it while it runs, bytes.
-    #[must_use]
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
     /// Whether it is short and may run on the threads for small solves.
-    #[must_use]
     pub fn is_small(&self) -> bool {
         self.is_small
     }
@@ -169,13 +167,11 @@ impl SolverPool {
     }
 
     /// The number of threads that a solve may use.
-    #[must_use]
     pub fn threads(&self) -> usize {
         self.large.threads.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
     /// The accounts of the tenants that share the pool.
-    #[must_use]
     pub fn accounts(&self) -> &Accounts {
         &self.accounts
     }

@@ -113,7 +113,6 @@ impl ReplicatedStore {
     }
 
     /// The queue of tasks between the servers and their workers.
-    #[must_use]
     pub fn tasks(&self) -> Arc<dyn TaskQueue> {
         Arc::new(self.tasks.clone())
     }

@@ -69,13 +69,11 @@ impl Account {
     }
 
     /// Name of the map or the tenant; empty for the default tenant and for the server.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// The tenant's name, for the account of a tenant or of its map; empty for the default tenant.
-    #[must_use]
     pub fn tenant(&self) -> &str {
         match self.owner {
             Owner::Map => tenant_of(&self.name),
@@ -84,7 +82,6 @@ impl Account {
     }
 
     /// Its limits.
-    #[must_use]
     pub fn limits(&self) -> AccountLimits {
         *self.limits.read().unwrap_or_else(PoisonError::into_inner)
     }
@@ -95,13 +92,11 @@ impl Account {
     }
 
     /// How much of a resource it holds.
-    #[must_use]
     pub fn held(&self, resource: Resource) -> u64 {
         self.held[resource as usize].load(Ordering::Acquire)
     }
 
     /// The entities of its maps.
-    #[must_use]
     pub fn entities(&self) -> Usage {
         *self.entities.lock()
     }
@@ -173,7 +168,6 @@ impl Account {
 
     /// Everything that is counted, by name: how much the account holds, and the lowest limit among
     /// its own and those of the accounts above it.
-    #[must_use]
     pub fn rows(&self) -> Vec<AccountRow> {
         let lowest = |limit: &dyn Fn(&AccountLimits) -> Option<u64>| {
             self.chain().filter_map(|account| limit(&account.limits())).min()
@@ -205,7 +199,6 @@ pub struct Reservation {
 
 impl Reservation {
     /// The reserved amount.
-    #[must_use]
     pub fn amount(&self) -> u64 {
         self.amount
     }
@@ -354,13 +347,11 @@ impl Accounts {
     }
 
     /// The account of the server.
-    #[must_use]
     pub fn server(&self) -> &Arc<Account> {
         &self.server
     }
 
     /// The account of the tenant called `name`.
-    #[must_use]
     pub fn tenant(&self, name: &str) -> Arc<Account> {
         let mut known = self.known.lock();
         if let Some(tenant) = known.tenants.get(name) {
@@ -374,7 +365,6 @@ impl Accounts {
 
     /// A new account for the map called `map`, below its tenant's. It exists as long as the map's
     /// engine runs.
-    #[must_use]
     pub(super) fn of_map(&self, map: &str) -> Arc<Account> {
         let tenant = self.tenant(tenant_of(map));
         let limits = self.known.lock().maps;

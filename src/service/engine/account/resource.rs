@@ -109,7 +109,6 @@ impl AccountLimits {
     }
 
     /// The limit of a resource.
-    #[must_use]
     pub fn of(&self, resource: Resource) -> Option<u64> {
         self.reserved[resource as usize]
     }

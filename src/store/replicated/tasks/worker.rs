@@ -61,7 +61,6 @@ impl WorkerLink {
     }
 
     /// How often a worker beats for a task that it has.
-    #[must_use]
     pub fn period(&self) -> Duration {
         self.tasks.lease / BEATS
     }
@@ -115,19 +114,16 @@ pub struct Taken {
 
 impl Taken {
     /// Its name.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.task
     }
 
     /// What is to be done, in the encoding of its owner.
-    #[must_use]
     pub fn description(&self) -> &[u8] {
         &self.message.payload
     }
 
     /// How many workers have had it, this one included.
-    #[must_use]
     pub fn attempts(&self) -> u32 {
         self.attempts
     }
