@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use crate::certificate::{Certificate, certify_within};
 use crate::evaluation::{CostReport, FactorCost, ReferencePose, ResidualReport, pose_graph_cost};
 use crate::factors::RelativePose;
-use crate::geometry::{LieGroup, RigidMotion};
+use crate::geometry::{LieGroup, RigidMotion, Se2, Se3};
 use crate::initialization::{Start, align_to_priors, initialize_in_time};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{self, IterationSummary, Observer, SolveSummary, ignore_iterations};
@@ -97,6 +97,42 @@ pub struct Optimized {
     pub proof: Option<Proof>,
 }
 
+/// A pose whose graphs [`optimize`] takes: a motion of the plane or of space.
+///
+/// Its methods are those of concrete types, so that all stages are compiled once, in this crate with its
+/// options, and not again in each crate that calls them.
+pub trait GraphPose<const D: usize, const N: usize>: ReferencePose<N> + RigidMotion<D, N> {
+    /// [`optimize`] for this pose.
+    ///
+    /// # Errors
+    /// Those of [`optimize`].
+    fn optimize(
+        graph: &mut PoseGraph<Self, N>,
+        has_poses: bool,
+        options: &Options,
+        interrupt: &Interrupt,
+        observer: &mut Observer<'_>,
+    ) -> Result<Optimized, SolveError>;
+}
+
+macro_rules! graph_pose {
+    ($pose:ty, $space:literal, $tangent:literal) => {
+        impl GraphPose<$space, $tangent> for $pose {
+            fn optimize(
+                graph: &mut PoseGraph<Self, $tangent>,
+                has_poses: bool,
+                options: &Options,
+                interrupt: &Interrupt,
+                observer: &mut Observer<'_>,
+            ) -> Result<Optimized, SolveError> {
+                Run { begin: Instant::now(), options, interrupt }.all(graph, has_poses, observer)
+            }
+        }
+    };
+}
+graph_pose!(Se2, 2, 3);
+graph_pose!(Se3, 3, 6);
+
 /// Optimizes `graph` in place until `interrupt` is due; the best state by then is the answer.
 ///
 /// `has_poses` is whether the graph came with poses. Without a constant pose and without priors the
@@ -107,31 +143,14 @@ pub struct Optimized {
 /// # Errors
 /// Those of [`pose_graph::solve`], [`crate::initialization::initialize`], [`robust::solve`] and
 /// [`crate::certificate::certify`].
-pub fn optimize<G, const D: usize, const N: usize>(
+pub fn optimize<G: GraphPose<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     has_poses: bool,
     options: &Options,
     interrupt: &Interrupt,
     observer: &mut Observer<'_>,
-) -> Result<Optimized, SolveError>
-where
-    G: ReferencePose<N> + RigidMotion<D, N>,
-{
-    let run = Run { begin: Instant::now(), options, interrupt };
-    graph.hold_gauge();
-    if !graph.has_priors() {
-        return run.stages(graph, has_poses, observer);
-    }
-    let mut verdicts = run.place(graph, has_poses)?;
-    let all = graph.position_priors.clone();
-    let mut judged = verdicts.iter();
-    graph.position_priors.retain(|_| judged.next().is_none_or(|verdict| !verdict.is_switched_off));
-    let optimized = run.stages(graph, true, observer);
-    graph.position_priors = all;
-    for (prior, verdict) in graph.position_priors.iter().zip(&mut verdicts) {
-        verdict.chi2 = prior.chi2(&graph.poses[prior.pose]);
-    }
-    Ok(Optimized { positions: verdicts, ..optimized? })
+) -> Result<Optimized, SolveError> {
+    G::optimize(graph, has_poses, options, interrupt, observer)
 }
 
 struct Run<'a> {
@@ -145,19 +164,40 @@ impl Run<'_> {
         Limits { ceiling: self.options.optimizer.ceiling, interrupt: self.interrupt }
     }
 
-    fn cost<G: ReferencePose<N>, const N: usize>(&self, graph: &PoseGraph<G, N>) -> CostReport {
-        if self.options.costs { pose_graph_cost(graph) } else { CostReport::default() }
-    }
-
-    fn stages<G, const D: usize, const N: usize>(
+    fn all<G: GraphPose<D, N>, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
         has_poses: bool,
         observer: &mut Observer<'_>,
-    ) -> Result<Optimized, SolveError>
-    where
-        G: ReferencePose<N> + RigidMotion<D, N>,
-    {
+    ) -> Result<Optimized, SolveError> {
+        graph.hold_gauge();
+        if !graph.has_priors() {
+            return self.stages(graph, has_poses, observer);
+        }
+        let mut verdicts = self.place(graph, has_poses)?;
+        let all = graph.position_priors.clone();
+        let mut judged = verdicts.iter();
+        graph
+            .position_priors
+            .retain(|_| judged.next().is_none_or(|verdict| !verdict.is_switched_off));
+        let optimized = self.stages(graph, true, observer);
+        graph.position_priors = all;
+        for (prior, verdict) in graph.position_priors.iter().zip(&mut verdicts) {
+            verdict.chi2 = prior.chi2(&graph.poses[prior.pose]);
+        }
+        Ok(Optimized { positions: verdicts, ..optimized? })
+    }
+
+    fn cost<G: ReferencePose<N>, const N: usize>(&self, graph: &PoseGraph<G, N>) -> CostReport {
+        if self.options.costs { pose_graph_cost(graph) } else { CostReport::default() }
+    }
+
+    fn stages<G: GraphPose<D, N>, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+        has_poses: bool,
+        observer: &mut Observer<'_>,
+    ) -> Result<Optimized, SolveError> {
         match &self.options.judging {
             None => self.plain(graph, has_poses, observer),
             Some(judging) => self.judged(graph, has_poses, judging, observer),
@@ -219,15 +259,12 @@ impl Run<'_> {
         judge_positions(graph, positions, &options, self.interrupt)
     }
 
-    fn plain<G, const D: usize, const N: usize>(
+    fn plain<G: GraphPose<D, N>, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
         has_poses: bool,
         observer: &mut Observer<'_>,
-    ) -> Result<Optimized, SolveError>
-    where
-        G: ReferencePose<N> + RigidMotion<D, N>,
-    {
+    ) -> Result<Optimized, SolveError> {
         let start = initialize_in_time(graph, self.options.start, has_poses, self.limits())?;
         if start != Start::Given {
             align_to_priors(graph);
@@ -252,16 +289,13 @@ impl Run<'_> {
         })
     }
 
-    fn judged<G, const D: usize, const N: usize>(
+    fn judged<G: GraphPose<D, N>, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
         has_poses: bool,
         judging: &Judging,
         observer: &mut Observer<'_>,
-    ) -> Result<Optimized, SolveError>
-    where
-        G: ReferencePose<N> + RigidMotion<D, N>,
-    {
+    ) -> Result<Optimized, SolveError> {
         let robust = robust::Options {
             kernel: judging.kernel,
             threshold: judging.threshold,
@@ -339,7 +373,7 @@ impl Run<'_> {
 
     /// A solve on the clock of all, with the costs of its start; what is left of the deadline is its
     /// own.
-    fn last<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
+    fn last<G: GraphPose<D, N>, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
         observer: &mut Observer<'_>,

@@ -2,9 +2,8 @@
 //! marked vertex the one with the lowest id is fixed; costs come from the evaluator. With `robust`
 //! the costs use the weights of the edges.
 
-use covis_solvers::evaluation::ReferencePose;
-use covis_solvers::geometry::{RigidMotion, Se2, Se3};
-use covis_solvers::graph_optimization::{self, Judging, Optimized, optimize};
+use covis_solvers::geometry::{Se2, Se3};
+use covis_solvers::graph_optimization::{self, GraphPose, Judging, Optimized, optimize};
 use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::loss::Loss;
@@ -169,7 +168,7 @@ fn vertices<G, const N: usize>(graph: &PoseGraph<G, N>) -> impl Iterator<Item = 
     vertices.map(|((&id, pose), &fixed)| (id, pose, fixed))
 }
 
-fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
+fn answer<G: GraphPose<D, N>, const D: usize, const N: usize>(
     field: &'static str,
     input: GraphToSolve<G, N>,
     settings: &Settings,

@@ -14,10 +14,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context;
-use covis_solvers::evaluation::{ReferencePose, pose_graph_cost};
+use covis_solvers::evaluation::pose_graph_cost;
 use covis_solvers::factors::RelativePose;
-use covis_solvers::geometry::RigidMotion;
-use covis_solvers::graph_optimization::{Judging, Optimized, Options, optimize};
+use covis_solvers::graph_optimization::{GraphPose, Judging, Optimized, Options, optimize};
 use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::g2o::G2oGraph;
@@ -157,7 +156,7 @@ struct Whole {
 }
 
 impl Run<'_> {
-    fn solve<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
+    fn solve<G: GraphPose<D, N>, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
         diagnosis: Diagnosis,

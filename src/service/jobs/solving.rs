@@ -10,9 +10,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use covis_solvers::bundle_adjustment::{self, solve_kept};
-use covis_solvers::evaluation::{ReferencePose, bundle_cost};
-use covis_solvers::geometry::{LieGroup, RigidMotion, Se3};
-use covis_solvers::graph_optimization::{self, optimize};
+use covis_solvers::evaluation::bundle_cost;
+use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::graph_optimization::{self, GraphPose, optimize};
 use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::IoError;
@@ -392,7 +392,7 @@ fn solve_graph(
     Ok(Solved { summary, reconstruction: None, report: document, files })
 }
 
-fn optimize_graph<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
+fn optimize_graph<G: GraphPose<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     has_poses: bool,
     ceiling: Ceiling,
