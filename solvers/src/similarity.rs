@@ -215,7 +215,7 @@ impl Agreed {
     fn covariance(&self, pairs: &[Pair]) -> Option<Covariance<7>> {
         let similarity = &self.target_from_source;
         let mut squares: Vec<f64> = self.residuals(pairs, similarity).map(|r| r.chi2()).collect();
-        squares.sort_by(f64::total_cmp);
+        squares.sort_unstable_by(f64::total_cmp);
         // The median: wrong pairs move it little.
         let variance = (squares.get(squares.len() / 2)? / MEDIAN).max(1.0);
         let (hessian, _) = self.normal_equations(pairs, similarity);

@@ -256,7 +256,7 @@ fn graph_trajectory(graph: &G2oGraph) -> anyhow::Result<Trajectory> {
             graph.ids.iter().copied().zip(graph.poses.iter().copied()).collect()
         }
     };
-    poses.sort_by_key(|(id, _)| *id);
+    poses.sort_unstable_by_key(|(id, _)| *id);
     let mut trajectory = Trajectory::default();
     for (id, pose) in poses {
         trajectory.push(id as f64, pose);

@@ -29,7 +29,7 @@ impl Statistics {
     #[must_use]
     pub fn of(errors: &[f64]) -> Self {
         let mut sorted = errors.to_vec();
-        sorted.sort_by(f64::total_cmp);
+        sorted.sort_unstable_by(f64::total_cmp);
         let n = sorted.len() as f64;
         // Summing from the smallest up loses least.
         let mean = sorted.iter().sum::<f64>() / n;

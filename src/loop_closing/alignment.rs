@@ -266,7 +266,7 @@ fn meter(map: &Map) -> f64 {
         Some((landmark.position? - keyframe.world_from_camera.translation).norm())
     };
     let mut distances: Vec<f64> = map.landmarks().values().filter_map(distance).collect();
-    distances.sort_by(f64::total_cmp);
+    distances.sort_unstable_by(f64::total_cmp);
     let median = distances.get(distances.len() / 2).copied().filter(|&median| median > 0.0);
     median.map_or(1.0, |median| median / DEPTH_OF_A_ROOM)
 }
@@ -279,7 +279,7 @@ fn spread(map: &Map) -> Vec<(EntityId, &Keyframe)> {
     };
     let mut all: Vec<(EntityId, &Keyframe)> =
         map.keyframes().iter().map(|(&id, k)| (id, k)).filter(|(_, k)| has_descriptor(k)).collect();
-    all.sort_by_key(|&(id, keyframe)| (id.client, keyframe.capture_time_ns, id));
+    all.sort_unstable_by_key(|&(id, keyframe)| (id.client, keyframe.capture_time_ns, id));
     let bits = all.len().next_power_of_two().trailing_zeros();
     let reversed = |number: usize| match bits {
         0 => 0,

@@ -79,7 +79,7 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
     };
     let age = |id: &EntityId| map.keyframes().get(id).map_or(0, |known| known.added_revision);
     let mut keyframes: Vec<EntityId> = keyframes.into_iter().collect();
-    keyframes.sort_by_key(|id| (age(id), *id));
+    keyframes.sort_unstable_by_key(|id| (age(id), *id));
     let first = keyframes.len().saturating_sub(Affected::MOST_KEYFRAMES);
     Some(Affected { graph, keyframes: keyframes.split_off(first) })
 }

@@ -46,7 +46,7 @@ pub(super) fn keyframes_around<'a>(
     }
     let near = map.covisibility().neighbors(keyframe).filter(|(id, _)| !others.contains(id));
     let mut near: Vec<(EntityId, u32)> = near.collect();
-    near.sort_by_key(|&(id, shared)| (std::cmp::Reverse(shared), id));
+    near.sort_unstable_by_key(|&(id, shared)| (std::cmp::Reverse(shared), id));
     near.truncate(NEIGHBORS);
     let ids = std::iter::once(keyframe).chain(near.into_iter().map(|(id, _)| id));
     ids.filter_map(|id| Some((id, map.keyframes().get(&id)?))).collect()

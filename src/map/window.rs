@@ -52,7 +52,7 @@ pub fn choose_window(map: &Map, keyframes: &[EntityId]) -> Window {
         }
     }
     let mut neighbors: Vec<(EntityId, u32)> = shared.into_iter().collect();
-    neighbors.sort_by_key(|&(id, shared)| (Reverse(shared), Reverse(time(id)), id));
+    neighbors.sort_unstable_by_key(|&(id, shared)| (Reverse(shared), Reverse(time(id)), id));
     neighbors.truncate(map.policy().window_keyframes.saturating_sub(free.len()));
     free.extend(neighbors.into_iter().map(|(id, _)| id));
 

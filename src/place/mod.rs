@@ -302,8 +302,9 @@ impl PlaceIndex {
         for candidate in &mut candidates {
             candidate.matches.sort_unstable_by_key(|matched| matched.query);
         }
-        candidates
-            .sort_by(|a, b| b.score.total_cmp(&a.score).then_with(|| a.keyframe.cmp(&b.keyframe)));
+        candidates.sort_unstable_by(|a, b| {
+            b.score.total_cmp(&a.score).then_with(|| a.keyframe.cmp(&b.keyframe))
+        });
         Ok(candidates)
     }
 }

@@ -121,7 +121,7 @@ pub fn histogram(labels: Labels<'_>, before: Option<&[f64]>, after: &[f64]) -> P
     // The tails are cut where next to nothing lies, so that the middle is seen.
     let mut sizes: Vec<f64> =
         sets.iter().flat_map(|set| set.1).copied().filter(|v| v.is_finite() && *v > 0.0).collect();
-    sizes.sort_by(f64::total_cmp);
+    sizes.sort_unstable_by(f64::total_cmp);
     let at = |share: f64| {
         let index = (share * sizes.len().saturating_sub(1) as f64) as usize;
         sizes.get(index).copied().unwrap_or(1.0)

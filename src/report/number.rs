@@ -51,7 +51,7 @@ pub fn count(value: usize) -> String {
 #[must_use]
 pub fn quantiles(values: &[f64]) -> [String; 5] {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
-    sorted.sort_by(f64::total_cmp);
+    sorted.sort_unstable_by(f64::total_cmp);
     let at = |share: f64| {
         let index = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
         sorted.get(index).map_or_else(|| "–".to_owned(), |value| number(*value))

@@ -331,7 +331,7 @@ impl Canvas {
 /// Where the last color begins: the 99 % quantile, so that one outlier does not make all else one color.
 fn color_limit(errors: &[f64]) -> f64 {
     let mut sorted: Vec<f64> = errors.iter().copied().filter(|error| error.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
+    sorted.sort_unstable_by(f64::total_cmp);
     let index = (0.99 * sorted.len().saturating_sub(1) as f64).ceil() as usize;
     sorted.get(index).copied().unwrap_or(0.0)
 }

@@ -14,6 +14,7 @@ use std::task::{self, Poll, ready};
 use std::time::Duration;
 
 use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio_stream::Stream;
 use tonic::{Response, Status};
@@ -205,7 +206,8 @@ impl Context {
                 let _unread = end.send(error.into());
             }
         };
-        let running = running.in_current_span();
+        // Boxed, because the runtime's code is compiled for each kind of task.
+        let running: BoxFuture<'static, ()> = running.in_current_span().boxed();
         match size {
             Messages::Small => drop(tokio::spawn(running)),
             Messages::Large => self.readers.spawn(running),

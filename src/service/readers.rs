@@ -5,9 +5,9 @@
 //! acknowledgments, a robot would wait for each of four readers; here the system runs the robot's
 //! work first. These threads run only work of one stream and none of the engines.
 
-use std::future::Future;
 use std::io;
 
+use futures_util::future::BoxFuture;
 use tokio::runtime::{Builder, Runtime};
 
 use super::engine::lower_priority;
@@ -38,7 +38,7 @@ impl Readers {
     }
 
     /// Runs the task of a stream to its end.
-    pub(super) fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
+    pub(super) fn spawn(&self, task: BoxFuture<'static, ()>) {
         let _detached = match &self.0 {
             Some(runtime) => runtime.spawn(task),
             None => tokio::spawn(task),
@@ -65,20 +65,20 @@ mod tests {
     async fn a_stream_runs_on_a_thread_that_yields_to_others() {
         let readers = Readers::start(1).unwrap();
         let (reply, answer) = oneshot::channel();
-        readers.spawn(async move {
+        readers.spawn(Box::pin(async move {
             let name = std::thread::current().name().map(str::to_owned);
             #[cfg(target_os = "linux")]
             assert_eq!(rustix::process::getpriority_process(None).unwrap(), 10);
             reply.send(name).unwrap();
-        });
+        }));
         assert_eq!(answer.await.unwrap().as_deref(), Some("covis-readers"));
         // The end of the last stream may drop the threads, which does not block.
         let last = Readers::start(1).map(std::sync::Arc::new).unwrap();
         let (held, (reply, answer)) = (std::sync::Arc::clone(&last), oneshot::channel());
-        last.spawn(async move {
+        last.spawn(Box::pin(async move {
             drop(held);
             reply.send(()).unwrap();
-        });
+        }));
         drop(last);
         answer.await.unwrap();
     }

@@ -282,7 +282,7 @@ mod tests {
             })
             .collect();
         passed.dedup();
-        passed.sort_by_key(|key| (key.z, key.y, key.x));
+        passed.sort_unstable_by_key(|key| (key.z, key.y, key.x));
         assert!(passed.len() > 80);
         let wrong = marked.iter().filter(|key| !passed.contains(key)).count()
             + passed.iter().filter(|key| !marked.contains(key)).count();

@@ -26,10 +26,10 @@ pub(super) fn max_difference_s(color: &[Entry], depth: &[Entry]) -> f64 {
 /// The median of the times between neighbors of different times.
 fn median_interval_s(entries: &[Entry]) -> Option<f64> {
     let mut times: Vec<f64> = entries.iter().map(|entry| entry.timestamp_s).collect();
-    times.sort_by(f64::total_cmp);
+    times.sort_unstable_by(f64::total_cmp);
     let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
     let mut intervals: Vec<f64> = steps.filter(|&step| step > 0.0).collect();
-    intervals.sort_by(f64::total_cmp);
+    intervals.sort_unstable_by(f64::total_cmp);
     intervals.get(intervals.len().checked_sub(1)? / 2).copied()
 }
 
@@ -53,7 +53,7 @@ pub(super) fn nearest_pairs(
             pairs.push((difference, c, d));
         }
     }
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+    pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
     let mut partner = vec![None; color.len()];
     let mut used = vec![false; depth.len()];
     for &(_, c, d) in &pairs {

@@ -71,7 +71,9 @@ impl<'a> Picture<'a> {
     pub(super) fn new(solids: &'a [Solid], view: View) -> Self {
         let mut seen: Vec<_> =
             (0..).zip(solids).filter_map(|(index, solid)| Seen::new(solid, index, &view)).collect();
-        seen.sort_by(|a, b| a.nearest_m.total_cmp(&b.nearest_m).then(a.index.cmp(&b.index)));
+        seen.sort_unstable_by(|a, b| {
+            a.nearest_m.total_cmp(&b.nearest_m).then(a.index.cmp(&b.index))
+        });
         Self { view, seen }
     }
 

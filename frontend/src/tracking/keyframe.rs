@@ -84,7 +84,7 @@ pub struct NewKeyframe {
 pub fn is_due(reference: &MapKeyframe, world_from_camera: &Se3, inliers: &[Match]) -> bool {
     let motion = reference.world_from_camera.inverse().compose(world_from_camera);
     let mut depths: Vec<f64> = inliers.iter().filter_map(|found| Some(found.depth_m?.0)).collect();
-    depths.sort_by(f64::total_cmp);
+    depths.sort_unstable_by(f64::total_cmp);
     let median_depth_m = depths.get(depths.len() / 2).copied().unwrap_or(USUAL_DEPTH_M);
     let share = inliers.len() as f64 / reference.observations.len().max(1) as f64;
     share < LEAST_SHARE

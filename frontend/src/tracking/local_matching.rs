@@ -178,7 +178,7 @@ fn candidates(
         }
     }
     for cell in &mut cells {
-        cell.sort_by_key(|c| (std::cmp::Reverse(c.times_seen), c.landmark));
+        cell.sort_unstable_by_key(|c| (std::cmp::Reverse(c.times_seen), c.landmark));
     }
     cells
 }

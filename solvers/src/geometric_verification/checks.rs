@@ -124,7 +124,7 @@ pub(super) fn determined(
     covariance: &Matrix6<f64>,
 ) -> Result<(), Refusal> {
     let mut depths: Vec<f64> = points.iter().map(|p| pose.inverse_transform(p).z).collect();
-    depths.sort_by(f64::total_cmp);
+    depths.sort_unstable_by(f64::total_cmp);
     let depth = depths.get(depths.len() / 2).copied().unwrap_or(0.0);
     let largest = |at: usize| {
         let block: Matrix3<f64> = covariance.fixed_view::<3, 3>(at, at).into_owned();

@@ -158,7 +158,7 @@ impl Problem<'_> {
             .filter_map(|&k| squared_error(self.camera, &self.matches[k].seen, pose))
             .map(|(chi2, rows)| chi2 / (rows as f64 * MEDIANS[usize::from(rows > 2)]))
             .collect();
-        ratios.sort_by(f64::total_cmp);
+        ratios.sort_unstable_by(f64::total_cmp);
         ratios.get(ratios.len() / 2).copied().unwrap_or(1.0)
     }
 }

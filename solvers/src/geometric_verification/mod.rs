@@ -244,7 +244,7 @@ fn usable(matches: &[Proposed]) -> Vec<Proposed> {
     // The sum of weights of any size is a number then.
     let largest = usable.iter().map(|m| m.weight).fold(0.0, f64::max);
     usable.iter_mut().for_each(|m| m.weight /= largest);
-    usable.sort_by_key(|m| (m.point, m.feature));
+    usable.sort_unstable_by_key(|m| (m.point, m.feature));
     usable
 }
 

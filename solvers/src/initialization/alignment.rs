@@ -148,7 +148,7 @@ impl<G, const N: usize> Piece<'_, G, N> {
                 .map(|(prior, source)| (fitted.act(source) - prior.position_in_world).norm())
                 .collect();
             let mut sorted = distances.clone();
-            sorted.sort_by(f64::total_cmp);
+            sorted.sort_unstable_by(f64::total_cmp);
             let least = (LEAST_SHARE * sorted[sorted.len() / 2]).max(f64::MIN_POSITIVE);
             for ((weight, distance), stiffness) in weights.iter_mut().zip(distances).zip(&stiffness)
             {

@@ -226,7 +226,7 @@ mod tests {
         let poses = p3p(&rays, &points);
         let mut distances: Vec<f64> =
             poses.iter().map(|pose| pose.inverse_transform(&points[0]).norm()).collect();
-        distances.sort_by(f64::total_cmp);
+        distances.sort_unstable_by(f64::total_cmp);
         distances.dedup_by(|a, b| (*a - *b).abs() < 1e-4);
         assert!(distances.len() >= 2, "{distances:?}");
         assert!(distances.iter().any(|d| (d - 1.0).abs() < 1e-6), "{distances:?}");

@@ -208,7 +208,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
             piece.size += 1;
         }
         let mut pieces: Vec<Piece> = pieces.into_values().collect();
-        pieces.sort_by_key(|p| p.lowest_id);
+        pieces.sort_unstable_by_key(|p| p.lowest_id);
         pieces
     }
 }

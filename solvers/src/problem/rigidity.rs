@@ -88,7 +88,7 @@ pub(crate) fn are_spread(points: &[Vector3<f64>]) -> bool {
         return false;
     }
     let mut eigenvalues: [f64; 3] = moments.symmetric_eigenvalues().into();
-    eigenvalues.sort_by(f64::total_cmp);
+    eigenvalues.sort_unstable_by(f64::total_cmp);
     eigenvalues[1] > COLLINEAR * eigenvalues[2]
 }
 

@@ -70,7 +70,7 @@ impl Bearings {
         let mut of_landmark = vec![Vec::new(); problem.landmarks.len()];
         for bearings in &mut of_pose {
             // By landmark, the first observation where there are several of one.
-            bearings.sort_by_key(|&s| (all[s as usize].landmark, s));
+            bearings.sort_unstable_by_key(|&s| (all[s as usize].landmark, s));
             bearings.dedup_by_key(|s| all[*s as usize].landmark);
             for &s in bearings.iter() {
                 of_landmark[all[s as usize].landmark].push(s);

@@ -102,9 +102,11 @@ pub(super) fn selected(candidates: &[Candidate], poses: usize, neighbors: usize)
     }
     let mut taken = vec![false; candidates.len()];
     for own in &mut of_pose {
-        own.sort_by(|&i, &j| candidates[j].score.total_cmp(&candidates[i].score).then(i.cmp(&j)));
+        own.sort_unstable_by(|&i, &j| {
+            candidates[j].score.total_cmp(&candidates[i].score).then(i.cmp(&j))
+        });
         own.iter().take(neighbors).for_each(|&index| taken[index] = true);
-        own.sort_by_key(|&i| (Reverse(candidates[i].common), i));
+        own.sort_unstable_by_key(|&i| (Reverse(candidates[i].common), i));
         own.iter().take(neighbors / 2).for_each(|&index| taken[index] = true);
     }
     (0..candidates.len()).filter(|&index| taken[index]).collect()

@@ -167,7 +167,7 @@ fn costs<G: LieGroup<N>, const N: usize>(
 /// The place of each position prior in the order of its pose's id, then of the priors.
 fn ranks<G, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<usize> {
     let mut order: Vec<usize> = (0..graph.position_priors.len()).collect();
-    order.sort_by_key(|&prior| (graph.ids[graph.position_priors[prior].pose], prior));
+    order.sort_unstable_by_key(|&prior| (graph.ids[graph.position_priors[prior].pose], prior));
     let mut ranks = vec![0; order.len()];
     order.into_iter().enumerate().for_each(|(rank, prior)| ranks[prior] = rank);
     ranks
@@ -179,7 +179,7 @@ fn next_counts(counts: &[bool], costs: &[f64], ranks: &[usize], threshold: f64) 
     let mut worst: Vec<usize> = (0..counts.len())
         .filter(|&k| counts[k] && (costs[k] > threshold || costs[k].is_nan()))
         .collect();
-    worst.sort_by(|&a, &b| costs[b].total_cmp(&costs[a]).then(a.cmp(&b)));
+    worst.sort_unstable_by(|&a, &b| costs[b].total_cmp(&costs[a]).then(a.cmp(&b)));
     let mut left_out = vec![false; counts.len()];
     for k in worst {
         let near = ranks[k].saturating_sub(NEIGHBORHOOD)..=ranks[k] + NEIGHBORHOOD;

@@ -60,7 +60,7 @@ pub(super) fn screen<G: LieGroup<N>, const N: usize>(
             chain.between(closure.from, closure.to).and_then(|path| chi2(&path, &closure.measured));
         list.push((k, closure));
     }
-    list.sort_by_key(|(k, closure)| (closure.from, closure.to, *k));
+    list.sort_unstable_by_key(|(k, closure)| (closure.from, closure.to, *k));
     for (place, (k, a)) in list.iter().enumerate() {
         for (l, b) in &list[place + 1..] {
             if b.from > a.from.saturating_add(REACH) {

@@ -77,7 +77,7 @@ impl Environment {
         let is_ours =
             |(name, value): &(String, String)| name.starts_with("COVIS_") && !value.is_empty();
         let mut variables: Vec<_> = variables.filter(is_ours).collect();
-        variables.sort();
+        variables.sort_unstable();
         Self(variables)
     }
 }

@@ -211,7 +211,7 @@ fn list(folder: &Path) -> anyhow::Result<Vec<Listed>> {
     let index = folder.join("mask.txt");
     let mut masks = if index.is_file() { from_index(&index, folder)? } else { by_names(folder)? };
     ensure!(!masks.is_empty(), "{} has no masks", folder.display());
-    masks.sort_by(|a, b| a.time_s.total_cmp(&b.time_s).then_with(|| a.path.cmp(&b.path)));
+    masks.sort_unstable_by(|a, b| a.time_s.total_cmp(&b.time_s).then_with(|| a.path.cmp(&b.path)));
     if let Some(twins) = masks.windows(2).find(|pair| pair[1].time_s - pair[0].time_s < SAME_TIME_S)
     {
         let [first, second] = [0, 1].map(|k| twins[k].path.display());

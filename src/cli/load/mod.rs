@@ -96,7 +96,7 @@ struct Quantiles {
 
 impl Quantiles {
     fn of(mut seconds: Vec<f64>) -> Self {
-        seconds.sort_by(f64::total_cmp);
+        seconds.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| {
             let place = (share * seconds.len().saturating_sub(1) as f64).round() as usize;
             seconds.get(place).map(|seconds| (seconds * 1e6).round() / 1e3)

@@ -182,7 +182,7 @@ fn in_folder(folder: &Path, format: Option<Format>) -> anyhow::Result<(Format, F
                 let name = entry?.file_name().to_string_lossy().into_owned();
                 names.extend(Some(name).filter(|name| name.ends_with(&ending)));
             }
-            names.sort();
+            names.sort_unstable();
             names
         }
     };

@@ -63,7 +63,7 @@ impl Scene {
             .filter(is_new)
             .map(|key| (capture_ns(mirror, key), key))
             .collect();
-        new.sort();
+        new.sort_unstable();
         // A recording begins with its first keyframe: there is no time before it.
         let Some(&(first_ns, _)) = new.first() else { return Ok(()) };
         for (key, camera) in &mirror.cameras {
@@ -112,7 +112,7 @@ impl Scene {
             poses.entry(&key.0).or_default().push((capture_ns(mirror, key), key));
         }
         for (client, mut keys) in poses {
-            keys.sort();
+            keys.sort_unstable();
             let path = keys.iter().filter_map(|(_, key)| pose(mirror, key));
             let path = fx::PosesInFrame {
                 timestamp: Some(timestamp(time_ns)),

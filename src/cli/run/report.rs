@@ -63,7 +63,7 @@ pub(in crate::cli) struct Quantiles {
 impl Quantiles {
     pub(in crate::cli) fn of(seconds: impl Iterator<Item = f64>) -> Self {
         let mut all: Vec<f64> = seconds.collect();
-        all.sort_by(f64::total_cmp);
+        all.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| {
             let index = (share * all.len() as f64) as usize;
             all.get(index.min(all.len().saturating_sub(1))).map_or(0.0, |s| s * 1e3)

@@ -40,7 +40,7 @@ impl GraphPage {
         page.section("Vertices");
         // In the order of the ids, which is a robot's way as a rule.
         let mut order: Vec<usize> = (0..graph.ids.len()).collect();
-        order.sort_by_key(|&vertex| graph.ids[vertex]);
+        order.sort_unstable_by_key(|&vertex| graph.ids[vertex]);
         let ordered = |positions: &[[f64; 3]]| order.iter().map(|&v| positions[v]).collect();
         let positions: Vec<[f64; 3]> = ordered(&self.positions);
         let before: Option<Vec<[f64; 3]>> = given.map(|given| ordered(&given.positions));

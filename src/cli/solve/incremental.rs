@@ -76,7 +76,7 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 ) -> anyhow::Result<Incremental> {
     graph.validate()?;
     let mut order: Vec<usize> = (0..graph.ids.len()).collect();
-    order.sort_by_key(|&pose| graph.ids[pose]);
+    order.sort_unstable_by_key(|&pose| graph.ids[pose]);
     let mut rank = vec![0; order.len()];
     for (k, &pose) in order.iter().enumerate() {
         rank[pose] = k;
@@ -123,7 +123,7 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         graph.poses[pose] = *solved;
     }
     diagnosis.of_solution(graph)?;
-    milliseconds.sort_by(f64::total_cmp);
+    milliseconds.sort_unstable_by(f64::total_cmp);
     let at = |share: f64| {
         let index = (share * milliseconds.len().saturating_sub(1) as f64).round();
         milliseconds.get(index as usize).copied().unwrap_or(0.0)

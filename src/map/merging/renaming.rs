@@ -175,6 +175,6 @@ impl<'a> Renaming<'a> {
 /// A list by its new ids, which may order otherwise than the old ones.
 fn sorted<K: Ord + Copy, V: Clone>(entries: impl Iterator<Item = (K, V)>) -> SharedMap<K, V> {
     let mut entries: Vec<(K, V)> = entries.collect();
-    entries.sort_by_key(|&(key, _)| key);
+    entries.sort_unstable_by_key(|&(key, _)| key);
     entries.into_iter().collect()
 }

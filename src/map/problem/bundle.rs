@@ -80,7 +80,7 @@ pub fn observation_problem(map: &Map) -> MapProblem {
 #[must_use]
 pub fn retirement_problem(map: &Map, keyframe: EntityId) -> MapProblem {
     let mut near: Vec<(EntityId, u32)> = map.covisibility().neighbors(keyframe).collect();
-    near.sort_by_key(|&(id, shared)| (Reverse(shared), id));
+    near.sort_unstable_by_key(|&(id, shared)| (Reverse(shared), id));
     near.truncate(NEIGHBORS);
     let tied = map.ties().of(keyframe).filter_map(|id| {
         let constraint = map.active_constraint(id)?;

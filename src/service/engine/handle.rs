@@ -309,7 +309,7 @@ impl MapHandle {
         if !map.policy().place_recognition {
             return Err(EngineError::NoPlaceRecognition { map: self.shared.name.clone() });
         }
-        let found = self.shared.places.candidates(map, view, interrupt, |_| false);
+        let found = self.shared.places.candidates(map, view, interrupt, &|_| false);
         let found = found.map_err(|error| report_bug(&error.to_string()))?;
         Ok(locate(map, view, &found, (0, interrupt), |_, _| Ok(())))
     }

@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
+use futures_util::FutureExt;
 use tokio::sync::{Semaphore, watch};
 use tracing::Instrument;
 
@@ -320,7 +321,7 @@ impl Maps {
 pub(super) async fn run_to_end<T: Send + 'static>(
     change: impl Future<Output = Result<T, EngineError>> + Send + 'static,
 ) -> Result<T, EngineError> {
-    match tokio::spawn(change.in_current_span()).await {
+    match tokio::spawn(change.in_current_span().boxed()).await {
         Ok(outcome) => outcome,
         Err(error) if error.is_panic() => Err(report_bug(&format!("a change of a map: {error}"))),
         Err(_canceled) => Err(EngineError::ShuttingDown),

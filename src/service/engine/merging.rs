@@ -198,7 +198,7 @@ impl Maps {
                     return Some(Err(EngineError::CannotMerge { map, error }));
                 }
                 let candidates =
-                    |view: &View<'_>| places.candidates(of_target, view, interrupt, |_| false);
+                    |view: &View<'_>| places.candidates(of_target, view, interrupt, &|_| false);
                 let aligned = align(of_target, of_source, candidates, interrupt);
                 Some(match aligned {
                     _ if interrupt.is_due() => Err(EngineError::Solve(SolveError::Interrupted)),

@@ -162,7 +162,7 @@ impl Places {
         map: &Map,
         view: &View<'_>,
         interrupt: &Interrupt,
-        is_excluded: impl Fn(EntityId) -> bool,
+        is_excluded: &dyn Fn(EntityId) -> bool,
     ) -> Result<Vec<Candidate>, PlaceError> {
         let (_, features) = view.searchable();
         if features.is_empty() {
@@ -174,7 +174,8 @@ impl Places {
         }
         let known = self.read();
         // What is not in this map as it was indexed, from an earlier or a later one, is no candidate.
-        let is_out = |id| is_excluded(id) || !known.has(map, id);
+        // As a trait object, so that the search is compiled once for all who ask.
+        let is_out: &dyn Fn(EntityId) -> bool = &|id| is_excluded(id) || !known.has(map, id);
         let image = comparable(view.image);
         known.index.query_with_image(
             &features,

@@ -253,7 +253,8 @@ impl SolverPool {
     /// Drops a large value on another thread.
     pub(super) fn discard<T: Send + 'static>(&self, value: T) {
         if self.small.threads.is_some() {
-            tokio::task::spawn_blocking(move || drop(value));
+            let work: Box<dyn FnOnce() + Send> = Box::new(move || drop(value));
+            tokio::task::spawn_blocking(work);
         }
     }
 

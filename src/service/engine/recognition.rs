@@ -143,7 +143,7 @@ fn find(
             let is_later =
                 |id| map.keyframes().get(&id).is_some_and(|other| other.added_revision > age);
             let is_excluded = |id| excluded.contains(&id) || is_later(id);
-            match places.candidates(map, &view, interrupt, is_excluded) {
+            match places.candidates(map, &view, interrupt, &is_excluded) {
                 Err(error) => (refused(not_indexed(&error)), None),
                 Ok(candidates) => {
                     let (mut search, closure) =

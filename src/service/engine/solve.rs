@@ -403,7 +403,7 @@ fn solve_graph(
         Some((map.client(*client)?.name.clone(), factors))
     };
     let mut factors: Vec<_> = problem.factors.iter().filter_map(named).collect();
-    factors.sort_by(|a, b| a.0.cmp(&b.0));
+    factors.sort_unstable_by(|a, b| a.0.cmp(&b.0));
     drop(map);
     if !problem.is_solvable() {
         return Ok(None);

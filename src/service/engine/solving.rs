@@ -397,6 +397,6 @@ pub(super) fn switched_off(map: &Map) -> Vec<(String, i64, SwitchedOff)> {
         (client.unwrap_or_default(), id.id, off)
     });
     let mut named: Vec<_> = named.collect();
-    named.sort_by(|a, b| (&a.0, a.1).cmp(&(&b.0, b.1)));
+    named.sort_unstable_by(|a, b| (&a.0, a.1).cmp(&(&b.0, b.1)));
     named
 }

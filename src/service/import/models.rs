@@ -159,7 +159,7 @@ fn colmap(
         building.add(client, what, &Item::Landmarks { landmarks })?;
     }
     let mut ordered: Vec<(u32, &ColmapImage)> = model.images.iter().map(|(&i, m)| (i, m)).collect();
-    ordered.sort_by(|a, b| natural_cmp(&a.1.name, &b.1.name).then(a.0.cmp(&b.0)));
+    ordered.sort_unstable_by(|a, b| natural_cmp(&a.1.name, &b.1.name).then(a.0.cmp(&b.0)));
     for (place, (id, image)) in (0..).zip(ordered) {
         let what = format!("{images}, image {id}");
         let pose = image.world_from_camera();

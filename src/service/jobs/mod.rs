@@ -48,6 +48,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use futures_util::FutureExt;
 use tokio::sync::{Notify, Semaphore};
 
 use super::access::Caller;
@@ -216,7 +217,7 @@ impl Jobs {
             let of_tenant = of_tenant.take_while(|entry| entry.key.0 == caller.tenant());
             of_tenant.filter(|entry| entry.number < list.before).cloned().collect()
         };
-        entries.sort_by_key(|entry| std::cmp::Reverse(entry.number));
+        entries.sort_unstable_by_key(|entry| std::cmp::Reverse(entry.number));
         let is_wanted = |entry: &Arc<Entry>| {
             let of_state = list.states.is_empty() || list.states.contains(&entry.state());
             let of_map =
@@ -467,7 +468,7 @@ impl Jobs {
 async fn to_end<T: Send + 'static>(
     change: impl Future<Output = Result<T, ServiceError>> + Send + 'static,
 ) -> Result<T, ServiceError> {
-    match tokio::spawn(change).await {
+    match tokio::spawn(change.boxed()).await {
         Ok(outcome) => outcome,
         Err(error) if error.is_panic() => {
             Err(ServiceError::Panicked { message: format!("a change of a job: {error}") })

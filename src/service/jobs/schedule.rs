@@ -147,7 +147,7 @@ impl Jobs {
                 Found::Nothing => {}
             }
         }
-        entries.sort_by_key(|entry| entry.number);
+        entries.sort_unstable_by_key(|entry| entry.number);
         for entry in entries {
             let is_waiting = !entry.is_ended();
             if let Some(other) = jobs.insert(&entry) {

@@ -119,7 +119,7 @@ fn folders(root: &Path) -> Result<Vec<(String, JobUid)>, StoreError> {
         Ok(names) => {
             let ours = names.into_iter().filter_map(|name| uid_of(&name).map(|uid| (name, uid)));
             let mut ours: Vec<_> = ours.collect();
-            ours.sort();
+            ours.sort_unstable();
             Ok(ours)
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
@@ -131,6 +131,6 @@ fn folders(root: &Path) -> Result<Vec<(String, JobUid)>, StoreError> {
 fn files(folder: &Path) -> Vec<JobFile> {
     let names = RealDisk.list(folder).unwrap_or_default();
     let mut files: Vec<JobFile> = names.iter().filter_map(|name| file_of(name)).collect();
-    files.sort();
+    files.sort_unstable();
     files
 }

@@ -132,7 +132,7 @@ impl ColmapModel {
         }
         let mut images: Vec<(u32, &ColmapImage)> =
             self.images.iter().map(|(&i, m)| (i, m)).collect();
-        images.sort_by(|a, b| natural_cmp(&a.1.name, &b.1.name).then(a.0.cmp(&b.0)));
+        images.sort_unstable_by(|a, b| natural_cmp(&a.1.name, &b.1.name).then(a.0.cmp(&b.0)));
         for (id, image) in images {
             let norm = image.quaternion_wxyz.iter().map(|c| c * c).sum::<f64>().sqrt();
             let bad_quaternion = || IoError::BadQuaternion { place: place(id), norm };
