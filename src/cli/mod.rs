@@ -7,6 +7,7 @@
 
 mod advice;
 mod bench_frontend;
+mod choices;
 pub mod config;
 mod connect;
 mod convert;

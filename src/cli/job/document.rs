@@ -5,10 +5,11 @@
 use serde::Serialize;
 use serde_json::Value;
 
+use super::super::choices::name_of;
 use super::super::output;
+use super::STATES;
 use crate::service::{kind_of_job, maps_of_job};
 use crate::wire::v1;
-use v1::JobState;
 
 /// A job in `--json`.
 #[derive(Debug, Serialize)]
@@ -51,20 +52,9 @@ struct File {
     size_bytes: i64,
 }
 
-fn name(state: JobState) -> &'static str {
-    match state {
-        JobState::Unspecified => "unknown",
-        JobState::Pending => "pending",
-        JobState::Running => "running",
-        JobState::Succeeded => "succeeded",
-        JobState::Failed => "failed",
-        JobState::Cancelled => "cancelled",
-    }
-}
-
 impl From<v1::Job> for Document {
     fn from(job: v1::Job) -> Self {
-        let state = name(job.state());
+        let state = name_of(STATES, &job.state());
         let spec = job.spec.unwrap_or_default();
         let time = |time: Option<prost_types::Timestamp>| time.map(|time| time.to_string());
         let progress = job.progress.unwrap_or_default();

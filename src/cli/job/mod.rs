@@ -13,6 +13,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 
 use self::document::{Document, details, line, table};
+use super::choices::{Choices, choice};
 use super::config::Config;
 use super::connect::with_client;
 use super::html::{self, ReportFlag};
@@ -46,8 +47,8 @@ enum Action {
         #[arg(long, value_name = "NAME")]
         map: Option<String>,
         /// Only jobs in this state; may be repeated.
-        #[arg(long, value_name = "STATE")]
-        state: Vec<State>,
+        #[arg(long, value_name = "STATE", value_parser = choice(STATES))]
+        state: Vec<JobState>,
     },
     /// Show a job with its report.
     Show {
@@ -81,27 +82,14 @@ enum Action {
     },
 }
 
-/// A state by its name.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum State {
-    Pending,
-    Running,
-    Succeeded,
-    Failed,
-    Cancelled,
-}
-
-impl From<State> for JobState {
-    fn from(state: State) -> Self {
-        match state {
-            State::Pending => Self::Pending,
-            State::Running => Self::Running,
-            State::Succeeded => Self::Succeeded,
-            State::Failed => Self::Failed,
-            State::Cancelled => Self::Cancelled,
-        }
-    }
-}
+/// States by their names.
+const STATES: &Choices<JobState> = &[
+    ("pending", JobState::Pending, ""),
+    ("running", JobState::Running, ""),
+    ("succeeded", JobState::Succeeded, ""),
+    ("failed", JobState::Failed, ""),
+    ("cancelled", JobState::Cancelled, ""),
+];
 
 /// Does what the arguments say.
 /// Fails for a server that is not there, a job that it does not have, a file that cannot be read or
@@ -116,7 +104,7 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
         Action::List { map, state } => {
             let request = v1::ListJobsRequest {
                 map_id: map.unwrap_or_default(),
-                states: state.into_iter().map(|state| JobState::from(state).into()).collect(),
+                states: state.into_iter().map(JobState::into).collect(),
                 ..v1::ListJobsRequest::default()
             };
             let jobs = client.jobs(request).await?;

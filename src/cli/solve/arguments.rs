@@ -5,17 +5,14 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use covis_solvers::bundle_adjustment::LinearSolver;
 use covis_solvers::initialization::Start;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::Method;
 use covis_solvers::robust::Kernel;
 
+use crate::cli::choices::Choices;
 use crate::cli::html::ReportFlag;
-
-/// The values of a flag: name, value, help.
-pub(super) type Choices<T> = [(&'static str, T, &'static str)];
 
 /// How false loop closures are found. By this name clap takes `None` for a value, not for absence.
 pub(super) type Robust = Option<Kernel>;
@@ -65,22 +62,6 @@ pub(super) const KERNELS: &Choices<Robust> = &[
     ("gnc-tls", Some(Kernel::TruncatedLeastSquares), "Truncated least squares"),
     ("gnc-gm", Some(Kernel::GemanMcClure), "Geman-McClure"),
 ];
-
-/// Takes one of `all` by its name.
-pub(super) fn choice<T: Copy + Send + Sync + 'static>(
-    all: &'static Choices<T>,
-) -> impl TypedValueParser<Value = T> {
-    let names = all.iter().map(|&(name, _, help)| PossibleValue::new(name).help(help));
-    PossibleValuesParser::new(names).try_map(|name| {
-        let found = all.iter().find(|choice| choice.0 == name);
-        found.map(|choice| choice.1).ok_or("not one of the possible values")
-    })
-}
-
-/// The name of a value.
-pub(super) fn name_of<T: PartialEq>(all: &Choices<T>, value: &T) -> &'static str {
-    all.iter().find(|choice| choice.1 == *value).map_or("", |choice| choice.0)
-}
 
 /// What both kinds of problem share.
 #[derive(Debug, clap::Args)]

@@ -20,11 +20,12 @@ use covis_solvers::optimizer::{self, Termination};
 use covis_solvers::problem::BundleProblem;
 use serde::Serialize;
 
-use super::arguments::{SOLVERS, Shared, choice, name_of};
+use super::arguments::{SOLVERS, Shared};
 use super::rebuild::{Rebuilt, rebuild};
 use super::report::{Details, Report};
 use super::residuals;
 use super::split::{self, Split};
+use crate::cli::choices::{choice, name_of};
 use crate::cli::config::Config;
 use crate::cli::formats::with_kind;
 use crate::cli::html::{self, solve::Residuals};

@@ -25,12 +25,13 @@ use covis_solvers::optimizer::{
 };
 use covis_solvers::problem::PoseGraph;
 
-use super::arguments::{KERNELS, METHODS, Robust, STARTS, Shared, choice, name_of};
+use super::arguments::{KERNELS, METHODS, Robust, STARTS, Shared};
 use super::graph_details::{self, CertificateDetails, Diagnosis, GraphDetails, RobustDetails};
 use super::graph_page::GraphPage;
 use super::incremental::{self, Incremental};
 use super::report::Report;
 use super::residuals;
+use crate::cli::choices::{choice, name_of};
 use crate::cli::config::Config;
 use crate::cli::html;
 use crate::cli::output::writable;

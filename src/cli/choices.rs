@@ -1,0 +1,26 @@
+//! Values of flags by their names: a table has each value's name and help once, and what a command prints
+//! has the same names.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+
+/// The values of a flag: name, value, help.
+pub(super) type Choices<T> = [(&'static str, T, &'static str)];
+
+/// Takes one of `all` by its name.
+pub(super) fn choice<T: Copy + Send + Sync + 'static>(
+    all: &'static Choices<T>,
+) -> impl TypedValueParser<Value = T> {
+    let names = all.iter().map(|&(name, _, help)| match help {
+        "" => PossibleValue::new(name),
+        help => PossibleValue::new(name).help(help),
+    });
+    PossibleValuesParser::new(names).try_map(|name| {
+        let found = all.iter().find(|choice| choice.0 == name);
+        found.map(|choice| choice.1).ok_or("not one of the possible values")
+    })
+}
+
+/// The name of a value.
+pub(super) fn name_of<T: PartialEq>(all: &Choices<T>, value: &T) -> &'static str {
+    all.iter().find(|choice| choice.1 == *value).map_or("unknown", |choice| choice.0)
+}
