@@ -129,6 +129,17 @@ fn ids<'a, I: Iterator<Item = EntityId> + Send + 'a>(
     touched.into_iter().flatten().chain(all.into_iter().flatten())
 }
 
+/// A kind of entity: `M` is what is sent of one, `G` of one that is gone.
+struct Kind<M, G> {
+    /// An entity of a map; `None` where the map does not have it.
+    now: fn(&Map, EntityId) -> Option<M>,
+    /// Whether the reader needs it.
+    needs: fn(&mut Sent, EntityId, &M) -> bool,
+    push: fn(&mut v1::MapDelta, M),
+    gone: fn(&Map, EntityId) -> G,
+    push_gone: fn(&mut v1::MapDelta, G),
+}
+
 /// The part that is being filled.
 struct Parts<'a> {
     header: &'a Header<'a>,
@@ -153,6 +164,28 @@ impl<'a> Parts<'a> {
         }
         self.bytes += size;
         Ok(&mut self.part)
+    }
+
+    /// Sends what the reader needs of some entities of a kind.
+    async fn send_all<M: Message, G: Message>(
+        &mut self,
+        map: &Map,
+        ids: impl Iterator<Item = EntityId>,
+        sent: &mut Sent,
+        kind: &Kind<M, G>,
+    ) -> Result<(), ServiceError> {
+        for id in ids {
+            if let Some(now) = (kind.now)(map, id) {
+                if (kind.needs)(sent, id, &now) {
+                    (kind.push)(self.room(&now).await?, now);
+                }
+            } else if sent.may_have(id, |last| (kind.now)(last, id).is_some()) {
+                let gone = (kind.gone)(map, id);
+                (kind.push_gone)(self.room(&gone).await?, gone);
+            }
+            self.look().await;
+        }
+        Ok(())
     }
 
     /// One more entity was looked at.
@@ -196,28 +229,37 @@ async fn send_delta(
             parts.room(&camera).await?.cameras.push(camera);
         }
     }
-    for id in ids(touched.map(|t| &t.keyframes), || map.keyframes().keys().copied()) {
-        match map.keyframes().get(&id) {
-            Some(keyframe) => {
-                let pose = to_keyframe_pose(map, id, keyframe);
-                if sent.needs_keyframe(id, &pose) {
-                    parts.room(&pose).await?.keyframes.push(pose);
-                }
-            }
-            None => {
-                if sent.may_have(id, |last| last.keyframes().contains_key(&id)) {
-                    let gone = to_keyframe_ref(map, id);
-                    parts.room(&gone).await?.removed_keyframes.push(gone);
-                }
-            }
-        }
-        parts.look().await;
-    }
+    let of_map = ids(touched.map(|t| &t.keyframes), || map.keyframes().keys().copied());
+    let keyframes = Kind {
+        now: |map, id| Some(to_keyframe_pose(map, id, map.keyframes().get(&id)?)),
+        needs: Sent::needs_keyframe,
+        push: |part, keyframe| part.keyframes.push(keyframe),
+        gone: to_keyframe_ref,
+        push_gone: |part, gone| part.removed_keyframes.push(gone),
+    };
+    parts.send_all(map, of_map, sent, &keyframes).await?;
     if wanted.landmarks {
-        landmarks(&mut parts, map, touched, sent).await?;
+        let of_map = ids(touched.map(|t| &t.landmarks), || map.landmarks().keys().copied());
+        let landmarks = Kind {
+            now: |map, id| Some(to_landmark(map, id, map.landmarks().get(&id)?)),
+            needs: Sent::needs_landmark,
+            push: |part, landmark| part.landmarks.push(landmark),
+            gone: to_landmark_ref,
+            push_gone: |part, gone| part.removed_landmarks.push(gone),
+        };
+        parts.send_all(map, of_map, sent, &landmarks).await?;
     }
     if wanted.constraints {
-        constraints(&mut parts, map, touched, sent).await?;
+        let all = || map.constraints().keys().chain(map.priors().keys()).copied();
+        let of_map = ids(touched.map(|t| &t.constraints), all);
+        let constraints = Kind {
+            now: to_any_constraint,
+            needs: |sent, id, now| sent.needs_constraint(id, now),
+            push: |part, constraint| part.constraints.push(constraint),
+            gone: to_constraint_ref,
+            push_gone: |part, gone| part.removed_constraints.push(gone),
+        };
+        parts.send_all(map, of_map, sent, &constraints).await?;
     }
     let clients = touched.map(|t| t.clients.clone());
     let clients = clients.unwrap_or_else(|| {
@@ -237,57 +279,5 @@ async fn send_delta(
     }
     parts.send(true).await?;
     sent.took(map);
-    Ok(())
-}
-
-async fn landmarks(
-    parts: &mut Parts<'_>,
-    map: &Map,
-    touched: Option<&Touched>,
-    sent: &mut Sent,
-) -> Result<(), ServiceError> {
-    for id in ids(touched.map(|t| &t.landmarks), || map.landmarks().keys().copied()) {
-        match map.landmarks().get(&id) {
-            Some(landmark) => {
-                let landmark = to_landmark(map, id, landmark);
-                if sent.needs_landmark(id, &landmark) {
-                    parts.room(&landmark).await?.landmarks.push(landmark);
-                }
-            }
-            None => {
-                if sent.may_have(id, |last| last.landmarks().contains_key(&id)) {
-                    let gone = to_landmark_ref(map, id);
-                    parts.room(&gone).await?.removed_landmarks.push(gone);
-                }
-            }
-        }
-        parts.look().await;
-    }
-    Ok(())
-}
-
-async fn constraints(
-    parts: &mut Parts<'_>,
-    map: &Map,
-    touched: Option<&Touched>,
-    sent: &mut Sent,
-) -> Result<(), ServiceError> {
-    let all = || map.constraints().keys().chain(map.priors().keys()).copied();
-    for id in ids(touched.map(|t| &t.constraints), all) {
-        match to_any_constraint(map, id) {
-            Some(constraint) => {
-                if sent.needs_constraint(id, &constraint) {
-                    parts.room(&constraint).await?.constraints.push(constraint);
-                }
-            }
-            None => {
-                if sent.may_have(id, |last| to_any_constraint(last, id).is_some()) {
-                    let gone = to_constraint_ref(map, id);
-                    parts.room(&gone).await?.removed_constraints.push(gone);
-                }
-            }
-        }
-        parts.look().await;
-    }
     Ok(())
 }

@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use super::actor::Actor;
-use super::control::{Control, Reply};
+use super::control::{Control, Reply, tell};
 use super::{Cancellation, EngineError, MapHandle};
 use crate::map::{Change, EntityId, Map, redundant_keyframes, retire_redundant};
 
@@ -98,7 +98,7 @@ impl Actor {
         match self.check_changeable() {
             Ok(()) => self.durability.drop_journal(&self.map, reply),
             Err(error) => {
-                let _gone = reply.send(Err(error));
+                tell(reply, Err(error));
             }
         }
     }
