@@ -86,7 +86,7 @@ impl<'a> Inputs<'a> {
 }
 
 /// A kernel that linearizes. It is compiled twice: SPECIAL for the cameras of most problems without a
-/// loss, and for everything else.
+/// loss, and for everything else. The scalar class has only the latter.
 pub(super) trait LinearizingKernel {
     /// Columns of a view.
     const COLUMNS: usize;
@@ -104,8 +104,17 @@ impl<K: LinearizingKernel, const SPECIAL: bool> Kernel for Compiled<K, SPECIAL> 
 
     #[inline(always)]
     fn run<L: Lanes>(self, l: L) -> K::Output {
+        if const { L::IS_FALLBACK } {
+            return general(self.0, l);
+        }
         self.0.run::<L, SPECIAL>(l)
     }
+}
+
+/// A kernel for all cameras, as a function that both kinds share.
+#[inline(never)]
+fn general<K: LinearizingKernel, L: Lanes>(kernel: K, l: L) -> K::Output {
+    kernel.run::<L, false>(l)
 }
 
 /// The Jacobians of eight observations, R rows each.

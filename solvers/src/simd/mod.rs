@@ -66,6 +66,8 @@ pub(crate) trait Lanes: Copy {
     type V: Copy;
     /// Whether 24 vectors and a few operands stay in registers at a time.
     const MANY_REGISTERS: bool = false;
+    /// Whether it is for processors without wide vectors only: nothing is compiled for it twice.
+    const IS_FALLBACK: bool = false;
 
     /// `x` in every lane.
     fn splat(self, x: f64) -> Self::V;

@@ -11,6 +11,7 @@ pub(crate) struct Scalar;
 
 impl Lanes for Scalar {
     type V = Row;
+    const IS_FALLBACK: bool = true;
 
     #[inline(always)]
     fn splat(self, x: f64) -> Row {
