@@ -6,6 +6,7 @@
 
 mod options;
 mod summary;
+mod system;
 mod trust_region;
 
 use crate::linear::LinearError;
@@ -15,10 +16,8 @@ pub use options::{Method, Options, with_threads};
 pub use summary::{
     Control, IterationSummary, Observer, SolveSummary, Termination, Tolerance, ignore_iterations,
 };
-pub use trust_region::{
-    Gradient, LoopState, Losses, Step, StepFailure, System, Unmoved, minimize, minimize_from,
-    minimize_until,
-};
+pub use system::{Gradient, Losses, Step, StepFailure, System, Unmoved};
+pub use trust_region::{LoopState, minimize, minimize_from, minimize_until};
 pub(crate) use trust_region::{SCALE_RANGE, damping_scale};
 
 /// The error of a problem for whose system of `dimension` scalars planning or memory failed. The values
