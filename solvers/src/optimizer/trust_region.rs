@@ -96,7 +96,7 @@ impl LoopState {
 /// Minimizes `system` and leaves it at the best state found. `start` is when the caller's clock
 /// began, so that its preparations are counted.
 pub fn minimize(
-    system: &mut impl System,
+    system: &mut dyn System,
     options: &Options,
     start: Instant,
     observer: &mut Observer<'_>,
@@ -109,7 +109,7 @@ pub fn minimize(
 /// deadline of the options is the caller's to put into it. The cost of the start is counted whatever
 /// the time is, since the answer needs it.
 pub fn minimize_until(
-    system: &mut impl System,
+    system: &mut dyn System,
     options: &Options,
     run: (Instant, &Interrupt),
     observer: &mut Observer<'_>,
@@ -120,7 +120,7 @@ pub fn minimize_until(
 /// As [`minimize_until`], from where another loop stood, if `from` is given: the system has the values
 /// that the variables had then. Rows and times go on from those of that loop.
 pub fn minimize_from(
-    system: &mut impl System,
+    system: &mut dyn System,
     options: &Options,
     (start, interrupt): (Instant, &Interrupt),
     from: Option<&LoopState>,
@@ -166,7 +166,7 @@ pub fn minimize_from(
 }
 
 /// Lengthens the applied step while the cost falls, from `cost`; returns the cost of the best.
-fn lengthen(system: &mut impl System, cost: f64) -> f64 {
+fn lengthen(system: &mut dyn System, cost: f64) -> f64 {
     let (mut best, mut at) = (cost, 1.0);
     for length in LENGTHS {
         match system.apply_lengthened(length) {
@@ -198,7 +198,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn begin(&mut self, system: &mut impl System, observer: &mut Observer<'_>) -> Termination {
+    fn begin(&mut self, system: &mut dyn System, observer: &mut Observer<'_>) -> Termination {
         if !self.cost.is_finite() {
             return Termination::NumericalFailure;
         }
@@ -212,7 +212,7 @@ impl Run<'_> {
     /// Continues where another loop ended.
     fn resume(
         &mut self,
-        system: &mut impl System,
+        system: &mut dyn System,
         from: &LoopState,
         observer: &mut Observer<'_>,
     ) -> Termination {
@@ -250,7 +250,7 @@ impl Run<'_> {
 
     fn iterate(
         &mut self,
-        system: &mut impl System,
+        system: &mut dyn System,
         mut iteration: usize,
         observer: &mut Observer<'_>,
     ) -> Termination {
@@ -354,7 +354,7 @@ impl Run<'_> {
 
     /// Sets the stiffness of the next linearization from the quality of a step, −∞ where the step was
     /// rejected.
-    fn adapt_stiffness(&mut self, system: &mut impl System, quality: f64) {
+    fn adapt_stiffness(&mut self, system: &mut dyn System, quality: f64) {
         let Some(stiffness) = self.stiffness else { return };
         let adapted = if quality > SHORT_STEP {
             (SOFTEN * stiffness).max(LEAST_STIFFNESS)
@@ -372,7 +372,7 @@ impl Run<'_> {
     }
 
     /// Linearizes; without an interruption the gradient is then that of the state.
-    fn linearize(&mut self, system: &mut impl System) -> Option<Termination> {
+    fn linearize(&mut self, system: &mut dyn System) -> Option<Termination> {
         let gradient = system.linearize(self.damping);
         let end = self.interrupted();
         if end.is_none() {
