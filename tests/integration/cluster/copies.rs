@@ -4,6 +4,7 @@ use std::path::Path;
 
 use covis::client::{Client, SessionOptions};
 use covis::map::Map;
+use covis::wire::v1;
 
 use super::nats::Nats;
 use super::streams::{lose_stream, messages, prove_one_writer};
@@ -12,16 +13,18 @@ use crate::cli_support::{Running, Workspace};
 use crate::common::{camera, run};
 use crate::durable::{long_keyframe, on_disk};
 
-/// Bytes of the files in a folder and below.
-fn size_of(folder: &Path) -> u64 {
+/// Whether a file in a folder or below has the number that only the pose of a keyframe has.
+fn holds(folder: &Path, keyframe: &v1::Keyframe) -> bool {
+    let pose = keyframe.world_from_camera.as_ref().unwrap();
+    let x = pose.translation.as_ref().unwrap().x.to_le_bytes();
     let entries = std::fs::read_dir(folder).unwrap().map(Result::unwrap);
-    let sizes = entries.map(|entry| match entry.metadata() {
-        Ok(data) if data.is_dir() => size_of(&entry.path()),
-        Ok(data) => data.len(),
-        // Removed meanwhile.
-        Err(_) => 0,
+    let mut found = entries.map(|entry| match entry.metadata() {
+        Ok(data) if data.is_dir() => holds(&entry.path(), keyframe),
+        // One that was removed meanwhile has nothing.
+        _ => std::fs::read(entry.path())
+            .is_ok_and(|bytes| bytes.windows(x.len()).any(|window| window == x)),
     });
-    sizes.sum()
+    found.any(|found| found)
 }
 
 /// The map in the only folder that a server has set aside, read where documents say that it can be.
@@ -49,11 +52,12 @@ fn what_an_owner_has_on_its_disk_and_the_stream_lacks_is_put_back_where_nobody_w
         let last = robot.send(5).await;
         robot.reach(last).await;
         nats.kill();
-        let before = size_of(&folder);
+        let sixth = long_keyframe(5);
+        assert!(!holds(&folder, &sixth));
         let last = robot.send(1).await;
         robot.received(last).await;
         // Accepted is not yet written.
-        while size_of(&folder) == before {
+        while !holds(&folder, &sixth) {
             tokio::task::yield_now().await;
         }
         // It is on the owner's disk; nothing acknowledges it as durable.
