@@ -120,18 +120,30 @@ def test_a_server_that_does_not_start_says_why(tmp_path, monkeypatch):
 
 
 PROGRAM = """
-import os, sys, covis
+import os, signal, sys, threading, covis
 client = covis.local()
 session = client.ingest("room", "robot")
 watched = client.watch("room")
+def is_waiting():
+    frame = sys._current_frames()[threading.main_thread().ident]
+    names = [frame.f_code.co_name]
+    while frame := frame.f_back:
+        names.append(frame.f_code.co_name)
+    return names[:2] == ["wait", "result"]
+def interrupt():
+    while not is_waiting():
+        os.sched_yield()
+    signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+if sys.argv[1] == "is interrupted in another thread":
+    threading.Thread(target=interrupt).start()
 print(client._twin._server._process.pid, flush=True)
-if sys.argv[1] == "waits":
+if sys.argv[1] != "ends":
     session.wait_optimized()
     watched.wait(10**9)
 """
 
 
-@pytest.mark.parametrize("how", ["ends", "waits"])
+@pytest.mark.parametrize("how", ["ends", "waits", "is interrupted in another thread"])
 def test_a_program_that_closes_nothing_still_ends_and_its_server_with_it(how):
     command = [sys.executable, "-c", PROGRAM, how]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

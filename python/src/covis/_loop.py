@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import asyncio
 import atexit
+import concurrent.futures
 import os
 import threading
 from collections.abc import AsyncIterator, Coroutine, Iterator
 from typing import Any, Generic, Protocol, TypeVar
 
 T = TypeVar("T")
+
+# How long an interrupt may take: Python sees one that comes while another thread runs, or just before
+# the wait begins, only when the wait ends.
+_INTERRUPT_S = 0.5
 
 
 class _Context(Protocol):
@@ -35,7 +40,13 @@ def run(work: Coroutine[Any, Any, T]) -> T:
         raise RuntimeError("a callback must not call blocking methods: it would wait for itself")
     future = asyncio.run_coroutine_threadsafe(work, loop)
     try:
-        return future.result()
+        while True:
+            try:
+                return future.result(_INTERRUPT_S)
+            except concurrent.futures.TimeoutError:
+                if future.done():
+                    # It came meanwhile, or it is the work's own.
+                    return future.result()
     except BaseException:
         future.cancel()
         raise
