@@ -33,8 +33,9 @@ pub struct StepFailure;
 
 /// A nonlinear least-squares problem as the loop sees it: state, linearization, step.
 ///
-/// A system that was given the loop's [`Interrupt`] may return early from any of these once it is due,
-/// with any numbers: the loop checks it too, and then uses none of these numbers.
+/// A system that was given the loop's [`Interrupt`](crate::interrupt::Interrupt) may return early from
+/// any of these once it is due, with any numbers: the loop checks it too, and then uses none of these
+/// numbers.
 pub trait System {
     /// ½ Σ ρ at the current state; may be infinite or NaN where it cannot be evaluated.
     fn cost(&mut self) -> f64;
