@@ -5,7 +5,7 @@ use crate::source::rust_files;
 
 /// The modules of `solvers/src`, lowest floor first. A file uses its own module and lower floors.
 const FLOORS: [&[&str]; 15] = [
-    &["simd", "interrupt"],
+    &["simd", "lists", "interrupt"],
     &["price", "geometry"],
     &["information", "loss"],
     &["factors", "lanes"],

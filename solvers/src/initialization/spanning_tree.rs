@@ -9,6 +9,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use crate::factors::RelativePose;
 use crate::geometry::LieGroup;
 use crate::problem::{PoseGraph, SolveError};
 
@@ -45,15 +46,12 @@ fn span<G: LieGroup<N>, const N: usize>(
     is_costly: impl Fn(u64) -> bool,
 ) -> Result<(), SolveError> {
     graph.validate()?;
-    let neighbors = neighbors(graph);
+    let edges_of = graph.edges_of_poses();
     let mut reached = vec![false; graph.poses.len()];
     let mut frontier = BinaryHeap::new();
     for root in graph.held() {
         reached[root] = true;
-        let way = |link: &Link| (usize::from(is_costly(link.gap)), 1);
-        frontier.extend(
-            neighbors[root].iter().map(|link| candidate(way(link), link, graph.ids[root], root)),
-        );
+        frontier.extend(ways(graph, root, edges_of.of(root), (0, 0), &is_costly));
     }
     while let Some(Reverse(((costly, depth), _, _, edge, from))) = frontier.pop() {
         let factor = &graph.edges[edge];
@@ -67,17 +65,9 @@ fn span<G: LieGroup<N>, const N: usize>(
         }
         reached[to] = true;
         graph.poses[to] = graph.poses[from].compose(&from_to);
-        let way = |link: &Link| (costly + usize::from(is_costly(link.gap)), depth + 1);
-        frontier
-            .extend(neighbors[to].iter().map(|link| candidate(way(link), link, graph.ids[to], to)));
+        frontier.extend(ways(graph, to, edges_of.of(to), (costly, depth), &is_costly));
     }
     Ok(())
-}
-
-/// One end of an edge: its position and how far apart the ids of its poses are.
-struct Link {
-    gap: u64,
-    edge: usize,
 }
 
 /// Costly edges on the way to a pose, and all edges on it.
@@ -87,17 +77,18 @@ type Way = (usize, usize);
 /// smallest is taken first.
 type Candidate = (Way, u64, i64, usize, usize);
 
-fn candidate(way: Way, link: &Link, from_id: i64, from: usize) -> Reverse<Candidate> {
-    Reverse((way, link.gap, from_id, link.edge, from))
-}
-
-/// The edges at each pose, in edge order.
-fn neighbors<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<Vec<Link>> {
-    let mut links: Vec<Vec<Link>> = graph.poses.iter().map(|_| Vec::new()).collect();
-    for (edge, factor) in graph.edges.iter().enumerate() {
-        let gap = graph.ids[factor.i].abs_diff(graph.ids[factor.j]);
-        links[factor.i].push(Link { gap, edge });
-        links[factor.j].push(Link { gap, edge });
-    }
-    links
+/// The ways on from a pose by its edges.
+fn ways<G, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    from: usize,
+    edges: &[usize],
+    (costly, depth): Way,
+    is_costly: &impl Fn(u64) -> bool,
+) -> impl Iterator<Item = Reverse<Candidate>> {
+    edges.iter().map(move |&edge| {
+        let RelativePose { i, j, .. } = graph.edges[edge];
+        let gap = graph.ids[i].abs_diff(graph.ids[j]);
+        let way = (costly + usize::from(is_costly(gap)), depth + 1);
+        Reverse((way, gap, graph.ids[from], edge, from))
+    })
 }

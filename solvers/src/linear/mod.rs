@@ -16,7 +16,6 @@ mod checked;
 pub mod cholesky;
 pub mod dense;
 pub mod error;
-mod lists;
 pub mod matrix;
 pub mod ordering;
 pub mod pattern;

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use super::lists::Lists;
+use crate::lists::Lists;
 
 /// Pairs kept before the first removal of duplicates while a pattern is being built.
 const COMPACTION_START: usize = 1 << 20;

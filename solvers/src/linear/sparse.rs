@@ -8,7 +8,7 @@
 
 use std::sync::Arc;
 
-use super::checked::{check_system, solve_checked};
+use super::checked::solve_checked;
 use super::error::LinearError;
 use super::matrix::BlockMatrix;
 use super::ordering::{BlockOrdering, Elimination, cheapest, postordered};
@@ -26,30 +26,20 @@ mod plan;
 mod shape;
 mod supernodes;
 mod triangular;
+mod workspace;
 
 pub use growing::{GrowingCholesky, PairTerm, Updated};
-use numeric::Numeric;
 pub use partial::PartialCholesky;
 use plan::Plan;
 pub(super) use plan::bytes;
-use shape::Aligned;
-use triangular::{Sweep, Triangular};
+use triangular::Sweep;
+use workspace::Workspace;
 
 /// A sparse factorization, planned once and renewed for each set of values.
 #[derive(Debug)]
 pub struct SparseCholesky {
-    pattern: Arc<BlockPattern>,
+    workspace: Workspace,
     ordering: BlockOrdering,
-    plan: Plan,
-    factor: Aligned,
-    /// Update matrices.
-    space: Aligned,
-    /// A permuted right-hand side.
-    permuted: Aligned,
-    /// One column of a front.
-    front: Aligned,
-    class: Class,
-    factored: bool,
     /// Of the last factorization.
     interrupt: Interrupt,
 }
@@ -86,27 +76,14 @@ impl SparseCholesky {
         ordering: BlockOrdering,
         elimination: &Elimination,
     ) -> Result<Self, LinearError> {
-        let dimension = pattern.dimension();
         let plan = Plan::new(&pattern, &ordering.order, elimination)?;
-        let memory = |length| Aligned::new(length).ok_or(LinearError::OutOfMemory { dimension });
-        Ok(Self {
-            factor: memory(plan.factor_size)?,
-            space: memory(plan.space)?,
-            permuted: memory(dimension)?,
-            front: memory(plan.longest)?,
-            class: Class::detect(),
-            factored: false,
-            interrupt: Interrupt::NEVER,
-            pattern,
-            ordering,
-            plan,
-        })
+        let workspace = Workspace::new(pattern, plan, None)?;
+        Ok(Self { workspace, ordering, interrupt: Interrupt::NEVER })
     }
 
     /// Uses the kernels of another instruction set, or the scalar ones where the processor lacks it.
     pub fn set_class(&mut self, class: Class) {
-        self.class = class;
-        self.factored = false;
+        self.workspace.set_class(class);
     }
 
     /// Factors H + D; `added_diagonal` is D, or empty for zero.
@@ -131,31 +108,7 @@ impl SparseCholesky {
         added_diagonal: &[f64],
         interrupt: &Interrupt,
     ) -> Result<(), LinearError> {
-        self.factored = false;
-        check_system(&self.pattern, matrix, added_diagonal)?;
-        let numeric = Numeric {
-            plan: &self.plan,
-            values: matrix.values(),
-            added: added_diagonal,
-            class: self.class,
-            interrupt,
-            is_parallel: rayon::current_num_threads() > 1,
-            border: None,
-        };
-        let outcome = numeric.run(self.factor.slice_mut(), self.space.slice_mut());
-        if interrupt.is_due() {
-            return Err(LinearError::Interrupted);
-        }
-        outcome.map_err(|bad| {
-            let scalar = self.plan.scalars[bad.column] as usize;
-            let block = self.pattern.block_of(scalar);
-            if bad.is_finite {
-                LinearError::NotPositiveDefinite { block, scalar }
-            } else {
-                LinearError::NonFinite { block }
-            }
-        })?;
-        self.factored = true;
+        self.workspace.factor_until(matrix, added_diagonal, interrupt)?;
         self.interrupt = interrupt.clone();
         Ok(())
     }
@@ -163,32 +116,19 @@ impl SparseCholesky {
     /// Solves in place with the last factor; without one, or with a vector of another length,
     /// the result is NaN. So it may be once the interrupt of the factorization is due.
     pub fn solve(&mut self, rhs: &mut [f64]) {
-        let dimension = self.pattern.dimension();
-        if !self.factored || rhs.len() != dimension {
+        let dimension = self.workspace.pattern.dimension();
+        if !self.workspace.factored || rhs.len() != dimension {
             debug_assert_eq!(rhs.len(), dimension, "right-hand side of another length");
             rhs.fill(f64::NAN);
             return;
         }
-        let permuted = self.permuted.slice_mut();
-        for (value, &scalar) in permuted.iter_mut().zip(&self.plan.scalars) {
-            *value = rhs[scalar as usize];
-        }
-        self.class.run(Triangular {
-            plan: &self.plan,
-            nodes: &self.plan.nodes,
-            sweep: Sweep::Both,
-            factor: self.factor.slice(),
-            x: permuted,
-            front: self.front.slice_mut(),
-            interrupt: &self.interrupt,
-        });
+        self.workspace.permute(rhs);
+        self.workspace.sweep(Sweep::Both, &self.interrupt);
         if self.interrupt.is_due() {
             rhs.fill(f64::NAN);
             return;
         }
-        for (value, &scalar) in permuted.iter().zip(&self.plan.scalars) {
-            rhs[scalar as usize] = *value;
-        }
+        self.workspace.permute_back(rhs);
     }
 
     /// Solves, measures the residual, refines once if need be; see [`super::Cholesky::solve_checked`].

@@ -12,6 +12,7 @@ use crate::factors::{FACTORS_PER_CHUNK, FACTORS_PER_QUESTION, RelativePose};
 use crate::geometry::LieGroup;
 use crate::interrupt::{Interrupt, Steps};
 use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut, PairTerm};
+use crate::lists::Lists;
 use crate::loss::Loss;
 
 /// What `edge` adds to H and g at the two poses; `loss` is the graph's.
@@ -56,7 +57,7 @@ pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
 }
 
 /// An edge as the row of one of its poses sees it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Incidence {
     edge: u32,
     /// Whether the row's pose is pose i of the edge (else pose j).
@@ -71,13 +72,9 @@ const NOT_STORED: u32 = u32::MAX;
 /// Block rows a task sums at least.
 const MIN_ROWS_PER_TASK: usize = 32;
 
-/// Which edges each block row sums, and where.
+/// Which edges each block row sums, and where; in edge order.
 #[derive(Debug)]
-pub(super) struct Incidences {
-    /// `list[starts[row]..starts[row + 1]]` touch the row, in edge order.
-    starts: Vec<usize>,
-    list: Vec<Incidence>,
-}
+pub(super) struct Incidences(Lists<Incidence>);
 
 impl Incidences {
     /// `rows_of_edges` yields the rows of poses i and j of each edge, `None` for constant ones.
@@ -86,31 +83,19 @@ impl Incidences {
         pattern: &BlockPattern,
         rows_of_edges: impl Iterator<Item = (Option<usize>, Option<usize>)> + Clone,
     ) -> Self {
-        let mut starts = vec![0; pattern.block_count() + 1];
-        let ends = rows_of_edges.clone().enumerate().filter(|(_, (i, j))| i != j);
-        for (_, (i, j)) in ends.clone() {
-            for row in [i, j].into_iter().flatten() {
-                starts[row + 1] += 1;
-            }
-        }
-        for row in 0..pattern.block_count() {
-            starts[row + 1] += starts[row];
-        }
-        let unset = Incidence { edge: 0, is_i: false, slot: NOT_STORED };
-        let mut list = vec![unset; starts[pattern.block_count()]];
-        let mut next = starts.clone();
-        for (edge, (i, j)) in ends {
-            for (own, other, is_i) in [(i, j, true), (j, i, false)] {
-                let Some(row) = own else { continue };
-                let slot = other
-                    .filter(|&other| other < row)
-                    .and_then(|other| pattern.row(row).binary_search(&(other as u32)).ok())
-                    .map_or(NOT_STORED, |slot| slot as u32);
-                list[next[row]] = Incidence { edge: edge as u32, is_i, slot };
-                next[row] += 1;
-            }
-        }
-        Self { starts, list }
+        let edges = rows_of_edges.enumerate().filter(|(_, (i, j))| i != j);
+        let ends = edges.flat_map(|(edge, (i, j))| [(edge, i, j, true), (edge, j, i, false)]);
+        let mut counts = vec![0; pattern.block_count() + 1];
+        ends.clone().filter_map(|(_, own, ..)| own).for_each(|row| counts[row + 1] += 1);
+        let incidences = ends.filter_map(|(edge, own, other, is_i)| {
+            let row = own?;
+            let slot = other
+                .filter(|&other| other < row)
+                .and_then(|other| pattern.row(row).binary_search(&(other as u32)).ok())
+                .map_or(NOT_STORED, |slot| slot as u32);
+            Some((row, Incidence { edge: edge as u32, is_i, slot }))
+        });
+        Self(Lists::counted(counts, incidences))
     }
 
     /// Sums `blocks`, one an edge, into H and g. Once `interrupt` is due the rest stay as they are.
@@ -129,7 +114,7 @@ impl Incidences {
             .for_each_init(
                 || interrupt.in_steps(FACTORS_PER_QUESTION),
                 |steps, (row, gradient)| {
-                    let edges = self.starts[row.index() + 1] - self.starts[row.index()];
+                    let edges = self.0.of(row.index()).len();
                     if !steps.is_due_after(edges as u32) {
                         self.assemble_row(blocks, row, gradient);
                     }
@@ -146,7 +131,7 @@ impl Incidences {
         row.values_mut().fill(0.0);
         let mut h = SMatrix::<f64, N, N>::zeros();
         let mut g = SVector::<f64, N>::zeros();
-        for incidence in &self.list[self.starts[row.index()]..self.starts[row.index() + 1]] {
+        for incidence in self.0.of(row.index()) {
             let block = &blocks[incidence.edge as usize];
             if incidence.is_i {
                 h += block.h_ii;

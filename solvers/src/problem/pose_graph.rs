@@ -11,6 +11,7 @@ use super::pose_factors::{check_priors, check_relative_poses};
 use super::{DisjointSets, SolveError};
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::LieGroup;
+use crate::lists::Lists;
 use crate::loss::Loss;
 
 /// Poses of one group and the factors between them.
@@ -111,6 +112,13 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         if !self.constant.contains(&true) && !self.has_priors() {
             self.fix_lowest_id();
         }
+    }
+
+    /// The edges at each pose, in their order; one of a pose with itself is there twice.
+    pub(crate) fn edges_of_poses(&self) -> Lists<usize> {
+        let edges = self.edges.iter().enumerate();
+        let ends = edges.flat_map(|(edge, factor)| [(factor.i, edge), (factor.j, edge)]);
+        Lists::new(self.poses.len(), ends)
     }
 
     /// The index of the pose with the lowest id.

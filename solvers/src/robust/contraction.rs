@@ -15,6 +15,7 @@ use super::chain::Measured;
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::LieGroup;
 use crate::information::Covariance;
+use crate::lists::Lists;
 use crate::loss::Loss;
 use crate::problem::PoseGraph;
 
@@ -110,7 +111,7 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
     }
     let mut is_placed = vec![false; graph.poses.len()];
     graph.placed().for_each(|pose| is_placed[pose] = true);
-    let edges_of = EdgesOf::new(graph);
+    let edges_of = graph.edges_of_poses();
     let is_closure = |edge: &usize| closures.binary_search(edge).is_ok();
     let is_passing = |pose: usize| {
         let edges = edges_of.of(pose);
@@ -179,39 +180,6 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
     Some(Contraction { full, measured, kept, rows, edges, closures })
 }
 
-/// The edges at each pose, in edge order.
-struct EdgesOf {
-    /// `list[starts[pose]..starts[pose + 1]]` are those of a pose.
-    starts: Vec<usize>,
-    list: Vec<usize>,
-}
-
-impl EdgesOf {
-    fn new<G, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
-        let mut starts = vec![0; graph.poses.len() + 1];
-        for RelativePose { i, j, .. } in &graph.edges {
-            starts[i + 1] += 1;
-            starts[j + 1] += 1;
-        }
-        for pose in 0..graph.poses.len() {
-            starts[pose + 1] += starts[pose];
-        }
-        let mut next = starts.clone();
-        let mut list = vec![0; 2 * graph.edges.len()];
-        for (edge, RelativePose { i, j, .. }) in graph.edges.iter().enumerate() {
-            for pose in [*i, *j] {
-                list[next[pose]] = edge;
-                next[pose] += 1;
-            }
-        }
-        Self { starts, list }
-    }
-
-    fn of(&self, pose: usize) -> &[usize] {
-        &self.list[self.starts[pose]..self.starts[pose + 1]]
-    }
-}
-
 fn other<G, const N: usize>(graph: &PoseGraph<G, N>, edge: usize, pose: usize) -> usize {
     let RelativePose { i, j, .. } = graph.edges[edge];
     if i == pose { j } else { i }
@@ -221,7 +189,7 @@ fn other<G, const N: usize>(graph: &PoseGraph<G, N>, edge: usize, pose: usize) -
 /// are no longer `passing`.
 fn rows<G, const N: usize>(
     graph: &PoseGraph<G, N>,
-    edges_of: &EdgesOf,
+    edges_of: &Lists<usize>,
     passing: &mut [bool],
 ) -> Vec<Row> {
     let mut rows = Vec::new();
@@ -247,7 +215,7 @@ fn rows<G, const N: usize>(
 /// The row that begins at `first` with `edge`.
 fn follow<G, const N: usize>(
     graph: &PoseGraph<G, N>,
-    edges_of: &EdgesOf,
+    edges_of: &Lists<usize>,
     passing: &[bool],
     first: usize,
     edge: usize,

@@ -5,8 +5,8 @@
 //! factorization", 1994. The fill is counted exactly and never formed, so that a factor that would
 //! not fit is known in milliseconds. Indices are positions in the order. No value is read.
 
-use crate::linear::lists::Lists;
 use crate::linear::pattern::BlockPattern;
+use crate::lists::Lists;
 
 /// Marks a root of the elimination forest.
 pub(in super::super) const NO_PARENT: u32 = u32::MAX;

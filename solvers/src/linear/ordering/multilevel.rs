@@ -9,7 +9,7 @@
 use super::graph::{Graph, Level};
 use super::refinement::{Cut, SEPARATOR};
 use crate::interrupt::Interrupt;
-use crate::linear::lists::Lists;
+use crate::lists::Lists;
 
 /// Merging ends at so many vertices, or when a level is hardly smaller than the last.
 const COARSEST: usize = 60;

@@ -7,12 +7,10 @@
 
 use std::sync::Arc;
 
-use super::numeric::Numeric;
 use super::plan::{Plan, bytes};
-use super::shape::Aligned;
-use super::triangular::{Sweep, Triangular};
+use super::triangular::Sweep;
+use super::workspace::Workspace;
 use crate::interrupt::Interrupt;
-use crate::linear::checked::check_system;
 use crate::linear::error::LinearError;
 use crate::linear::matrix::BlockMatrix;
 use crate::linear::ordering::cheapest_with_last;
@@ -23,19 +21,11 @@ use crate::simd::Class;
 /// A factorization of all blocks of a matrix but those of a border.
 #[derive(Debug)]
 pub struct PartialCholesky {
-    pattern: Arc<BlockPattern>,
-    plan: Plan,
-    /// The node of the border; `None` where the border is empty.
-    border: Option<u32>,
+    /// Without a border where that is empty.
+    workspace: Workspace,
     /// Rows of the border.
     border_dimension: usize,
-    factor: Aligned,
-    space: Aligned,
-    permuted: Aligned,
-    front: Aligned,
-    class: Class,
     price: Price,
-    factored: bool,
 }
 
 impl PartialCholesky {
@@ -67,27 +57,14 @@ impl PartialCholesky {
             bytes: bytes(&pattern, &ordering.order, &elimination),
             flops_per_iteration: ordering.flops,
         };
-        let dimension = pattern.dimension();
-        let memory = |length| Aligned::new(length).ok_or(LinearError::OutOfMemory { dimension });
-        Ok(Self {
-            border: (!border.is_empty()).then(|| plan.nodes.len().saturating_sub(1) as u32),
-            border_dimension: border.iter().map(|&b| pattern.sizes()[b]).sum(),
-            factor: memory(plan.factor_size)?,
-            space: memory(plan.space)?,
-            permuted: memory(dimension)?,
-            front: memory(plan.longest)?,
-            class: Class::detect(),
-            price,
-            factored: false,
-            pattern,
-            plan,
-        })
+        let border_dimension = border.iter().map(|&b| pattern.sizes()[b]).sum();
+        let border = (!border.is_empty()).then(|| plan.nodes.len().saturating_sub(1) as u32);
+        Ok(Self { workspace: Workspace::new(pattern, plan, border)?, border_dimension, price })
     }
 
     /// Uses the kernels of another instruction set, or the scalar ones where the processor lacks it.
     pub fn set_class(&mut self, class: Class) {
-        self.class = class;
-        self.factored = false;
+        self.workspace.set_class(class);
     }
 
     /// What the factorization takes, planning included, and its flops.
@@ -111,41 +88,17 @@ impl PartialCholesky {
         added_diagonal: &[f64],
         interrupt: &Interrupt,
     ) -> Result<(), LinearError> {
-        self.factored = false;
-        check_system(&self.pattern, matrix, added_diagonal)?;
-        let numeric = Numeric {
-            plan: &self.plan,
-            values: matrix.values(),
-            added: added_diagonal,
-            class: self.class,
-            interrupt,
-            is_parallel: rayon::current_num_threads() > 1,
-            border: self.border,
-        };
-        let outcome = numeric.run(self.factor.slice_mut(), self.space.slice_mut());
-        if interrupt.is_due() {
-            return Err(LinearError::Interrupted);
-        }
-        outcome.map_err(|bad| {
-            let scalar = self.plan.scalars[bad.column] as usize;
-            let block = self.pattern.block_of(scalar);
-            if bad.is_finite {
-                LinearError::NotPositiveDefinite { block, scalar }
-            } else {
-                LinearError::NonFinite { block }
-            }
-        })?;
-        self.factored = true;
-        Ok(())
+        self.workspace.factor_until(matrix, added_diagonal, interrupt)
     }
 
     /// S of the last factorization: its lower triangle, column after column, rows and columns in the
     /// order of the border's blocks. Empty where nothing is factored.
     pub fn border_matrix(&self) -> Vec<f64> {
         let n = self.border_dimension;
-        let Some(node) = self.border.filter(|_| self.factored) else { return Vec::new() };
-        let node = &self.plan.nodes[node as usize];
-        let panel = &self.factor.slice()[node.panel..][..node.shape.panel_size()];
+        let Workspace { plan, border, factor, factored, .. } = &self.workspace;
+        let Some(node) = border.filter(|_| *factored) else { return Vec::new() };
+        let node = &plan.nodes[node as usize];
+        let panel = &factor.slice()[node.panel..][..node.shape.panel_size()];
         let mut lower = Vec::with_capacity(n * (n + 1) / 2);
         for (k, column) in panel.chunks_exact(node.shape.stride).enumerate() {
             lower.extend_from_slice(&column[k..n]);
@@ -157,14 +110,13 @@ impl PartialCholesky {
     /// [`Self::expand`] needs. NaN where nothing is factored or the length is wrong.
     pub fn reduce(&mut self, rhs: &[f64]) -> Vec<f64> {
         let n = self.border_dimension;
-        if !self.factored || rhs.len() != self.pattern.dimension() {
+        let workspace = &mut self.workspace;
+        if !workspace.factored || rhs.len() != workspace.pattern.dimension() {
             return vec![f64::NAN; n];
         }
-        for (value, &scalar) in self.permuted.slice_mut().iter_mut().zip(&self.plan.scalars) {
-            *value = rhs[scalar as usize];
-        }
-        self.sweep(Sweep::Up);
-        let permuted = self.permuted.slice();
+        workspace.permute(rhs);
+        workspace.sweep(Sweep::Up, &Interrupt::NEVER);
+        let permuted = workspace.permuted.slice();
         permuted[permuted.len() - n..].to_vec()
     }
 
@@ -173,29 +125,15 @@ impl PartialCholesky {
     /// [`Self::reduce`].
     pub fn expand(&mut self, border: &[f64], x: &mut [f64]) {
         let n = self.border_dimension;
-        if !self.factored || border.len() != n || x.len() != self.pattern.dimension() {
+        let workspace = &mut self.workspace;
+        if !workspace.factored || border.len() != n || x.len() != workspace.pattern.dimension() {
             x.fill(f64::NAN);
             return;
         }
-        let permuted = self.permuted.slice_mut();
+        let permuted = workspace.permuted.slice_mut();
         let first = permuted.len() - n;
         permuted[first..].copy_from_slice(border);
-        self.sweep(Sweep::Down);
-        for (value, &scalar) in self.permuted.slice().iter().zip(&self.plan.scalars) {
-            x[scalar as usize] = *value;
-        }
-    }
-
-    fn sweep(&mut self, sweep: Sweep) {
-        let eliminated = self.border.map_or(self.plan.nodes.len(), |border| border as usize);
-        self.class.run(Triangular {
-            plan: &self.plan,
-            nodes: &self.plan.nodes[..eliminated],
-            sweep,
-            factor: self.factor.slice(),
-            x: self.permuted.slice_mut(),
-            front: self.front.slice_mut(),
-            interrupt: &Interrupt::NEVER,
-        });
+        workspace.sweep(Sweep::Down, &Interrupt::NEVER);
+        workspace.permute_back(x);
     }
 }

@@ -13,9 +13,9 @@ use std::ops::Range;
 use super::shape::Shape;
 use super::supernodes::{FRONT, Placed, Supernodes, amalgamate, amalgamate_apart};
 use crate::linear::error::LinearError;
-use crate::linear::lists::Lists;
 use crate::linear::ordering::{Elimination, NO_PARENT, earlier_neighbors};
 use crate::linear::pattern::BlockPattern;
+use crate::lists::Lists;
 
 /// Bytes of an index list's growth: a vector doubles, and stands beside its former self meanwhile.
 const GROWTH: u64 = 2;

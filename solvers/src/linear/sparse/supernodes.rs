@@ -8,8 +8,8 @@
 
 use std::ops::Range;
 
-use crate::linear::lists::Lists;
 use crate::linear::ordering::{Elimination, NO_PARENT, postorder_of};
+use crate::lists::Lists;
 use crate::simd::WIDTH;
 
 /// The model of time, in units of one vector operation of eight multiplications and additions:

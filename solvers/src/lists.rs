@@ -6,22 +6,22 @@ use std::ops::Range;
 
 /// A list of items for each group.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Lists<T> {
+pub(crate) struct Lists<T> {
     /// Where each list begins, and the end of the last.
-    pub(super) starts: Vec<usize>,
-    pub(super) items: Vec<T>,
+    pub(crate) starts: Vec<usize>,
+    pub(crate) items: Vec<T>,
 }
 
 impl<T: Copy + Default> Lists<T> {
     /// Puts each item into the list of its group; items keep their order.
-    pub(super) fn new(groups: usize, items: impl Iterator<Item = (usize, T)> + Clone) -> Self {
+    pub(crate) fn new(groups: usize, items: impl Iterator<Item = (usize, T)> + Clone) -> Self {
         let mut counts = vec![0; groups + 1];
         items.clone().for_each(|(group, _)| counts[group + 1] += 1);
         Self::counted(counts, items)
     }
 
     /// The same; `counts` has the number of items of each group after a zero.
-    pub(super) fn counted(mut counts: Vec<usize>, items: impl Iterator<Item = (usize, T)>) -> Self {
+    pub(crate) fn counted(mut counts: Vec<usize>, items: impl Iterator<Item = (usize, T)>) -> Self {
         for group in 1..counts.len() {
             counts[group] += counts[group - 1];
         }
@@ -38,13 +38,13 @@ impl<T: Copy + Default> Lists<T> {
 impl<T> Lists<T> {
     /// Where the items of a group stand.
     #[inline]
-    pub(super) fn range(&self, group: usize) -> Range<usize> {
+    pub(crate) fn range(&self, group: usize) -> Range<usize> {
         self.starts[group]..self.starts[group + 1]
     }
 
     /// The items of a group.
     #[inline]
-    pub(super) fn of(&self, group: usize) -> &[T] {
+    pub(crate) fn of(&self, group: usize) -> &[T] {
         &self.items[self.range(group)]
     }
 }
