@@ -113,15 +113,24 @@ pub fn solve_until(
     interrupt: &Interrupt,
     observer: &mut Observer<'_>,
 ) -> Result<BundleSummary, SolveError> {
+    run(problem, options, interrupt, (None, None), observer)
+}
+
+/// Solves from a state and with a keeper, where they are given.
+fn run<'a>(
+    problem: &'a mut BundleProblem,
+    options: &'a Options,
+    interrupt: &Interrupt,
+    (from, keeper): (Option<&'a LoopState>, Option<&'a mut (dyn Keeper + 'a)>),
+    observer: &'a mut Observer<'_>,
+) -> Result<BundleSummary, SolveError> {
     let start = Instant::now();
     options.optimizer.validate()?;
     problem.validate()?;
     let interrupt = interrupt.or_after(start, options.optimizer.deadline);
     with_threads(options.optimizer.threads, || {
         let layout = Arc::new(Layout::new(problem)?);
-        let (from, keeper) = (None, None);
-        let run = Solve { problem, options, start, interrupt: &interrupt, observer, from, keeper };
-        dispatch(&layout, run)
+        dispatch(&layout, Solve { problem, options, start, interrupt, observer, from, keeper })
     })?
 }
 
@@ -159,7 +168,7 @@ pub fn solve_kept(
     keeper: &mut dyn Keeper,
     observer: &mut Observer<'_>,
 ) -> Result<BundleSummary, SolveError> {
-    let start = Instant::now();
+    // Before the problem is changed.
     options.optimizer.validate()?;
     if let Some(from) = from {
         for (what, actual, expected) in [
@@ -175,23 +184,8 @@ pub fn solve_kept(
         problem.landmarks.clone_from(&from.landmarks);
         problem.cameras.clone_from(&from.cameras);
     }
-    problem.validate()?;
-    let interrupt = Interrupt::NEVER.or_after(start, options.optimizer.deadline);
-    with_threads(options.optimizer.threads, || {
-        let layout = Arc::new(Layout::new(problem)?);
-        let from = from.map(|from| &from.state);
-        let keeper: &mut dyn Keeper = keeper;
-        let run = Solve {
-            problem,
-            options,
-            start,
-            interrupt: &interrupt,
-            observer,
-            from,
-            keeper: Some(keeper),
-        };
-        dispatch(&layout, run)
-    })?
+    let from = from.map(|from| &from.state);
+    run(problem, options, &Interrupt::NEVER, (from, Some(keeper)), observer)
 }
 
 /// What [`solve`] would take, as far as it allocates memory besides the problem.
@@ -278,7 +272,7 @@ struct Solve<'a, 'o> {
     problem: &'a mut BundleProblem,
     options: &'a Options,
     start: Instant,
-    interrupt: &'a Interrupt,
+    interrupt: Interrupt,
     observer: &'a mut Observer<'o>,
     /// The state from which the loop continues.
     from: Option<&'a LoopState>,
@@ -300,9 +294,9 @@ impl Run for Solve<'_, '_> {
         let Self { problem, options, start, interrupt, observer, from, keeper } = self;
         let class = options.class.unwrap_or_else(Class::detect);
         let choice = (options.linear_solver, class);
-        let limits = Limits { ceiling: options.optimizer.ceiling, interrupt };
+        let limits = Limits { ceiling: options.optimizer.ceiling, interrupt: &interrupt };
         let system = BundleSystem::<D, V, T, R>::new(problem, layout, model, choice, limits);
-        let run = (start, interrupt);
+        let run = (start, &interrupt);
         let (solve, linear_solver) = match system {
             Ok(mut system) => {
                 system.keeper = match keeper {
