@@ -40,6 +40,8 @@ mod lists;
 pub mod loss;
 pub mod marginalization;
 pub mod optimizer;
+mod order;
+mod parallel;
 pub mod point_matching;
 pub mod pose_graph;
 pub mod pose_refinement;

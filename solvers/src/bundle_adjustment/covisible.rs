@@ -5,11 +5,10 @@
 //! track length k are stored row by row: (1,0), (2,0), (2,1), …, with the later view first. It reads
 //! indices, no values.
 
-use rayon::prelude::*;
-
 use super::layout::Layout;
 use super::sorted::Chunk;
 use crate::interrupt::Interrupt;
+use crate::parallel;
 
 /// Marks a pair of observations that has no block: a view that is constant.
 pub(super) const NO_SLOT: u32 = u32::MAX;
@@ -34,7 +33,7 @@ pub(super) fn covisible_pairs(layout: &Layout, interrupt: &Interrupt) -> Option<
         let mut pairs = ChunkPairs::default();
         walk(layout, chunk, interrupt, &mut pairs).then_some(pairs)
     };
-    layout.chunks().par_iter().map(pairs).collect()
+    parallel::map(layout.chunks().iter(), pairs).into_iter().collect()
 }
 
 /// How many slots [`covisible_pairs`] would have, without forming them; `None` where the walk was
@@ -44,7 +43,7 @@ pub(super) fn slot_count(layout: &Layout, interrupt: &Interrupt) -> Option<u64> 
         let mut slots = Slots::default();
         walk(layout, chunk, interrupt, &mut slots).then_some(u64::from(slots.0))
     };
-    layout.chunks().par_iter().map(count).sum()
+    parallel::map(layout.chunks().iter(), count).into_iter().sum()
 }
 
 /// At least as many slots as there are: no more than pairs of observations, nor than pairs of views.

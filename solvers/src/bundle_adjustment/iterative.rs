@@ -5,10 +5,9 @@
 //! are inexact on purpose. The matrix is never formed; whether this solver is used is decided in
 //! `reduced_solver`.
 
-use rayon::prelude::*;
-
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg};
+use crate::parallel;
 use crate::simd::Class;
 
 use super::blocks::ViewVector;
@@ -111,7 +110,7 @@ impl Linearization<'_> {
         let Self { inputs, layout, class, offsets, groups, interrupt, .. } = *self;
         gather(layout, offsets, p, vectors);
         let vectors = vectors.as_slice();
-        layout.chunks().par_iter().zip(sums.par_iter_mut()).for_each(|(chunk, sums)| {
+        parallel::for_each(layout.chunks().iter().zip(sums.iter_mut()), |(chunk, sums)| {
             let groups = &groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
             inputs.run(
                 class,

@@ -6,14 +6,13 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::accumulate::ChunkSums;
 use super::blocks::Block;
 use super::covisible::ChunkPairs;
 use super::layout::{Layout, Part};
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut};
+use crate::parallel;
 
 /// One sub-block of a view's or a pair's sum and where it lands in its block row.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +31,9 @@ struct Source {
     rows: u8,
     columns: u8,
 }
+
+/// Block rows that a task sums.
+const ROWS_A_TASK: usize = 8;
 
 /// Bytes of one source.
 pub(super) const SOURCE_BYTES: u64 = size_of::<Source>() as u64;
@@ -135,15 +137,18 @@ impl Reduction {
         interrupt: &Interrupt,
     ) {
         let sizes = &layout.block_sizes;
-        let rows = reduced.rows_mut().into_par_iter().zip(&self.rows);
-        rows.with_min_len(8).for_each(|(mut row, sources)| {
-            if interrupt.is_due() {
-                return;
-            }
-            row.values_mut().fill(0.0);
-            let stride = sizes[row.index()];
-            for source in sources {
-                add_source(&mut row, stride, source, chunks);
+        let mut rows = reduced.rows_mut();
+        let runs = rows.chunks_mut(ROWS_A_TASK).zip(self.rows.chunks(ROWS_A_TASK));
+        parallel::for_each(runs, |(rows, sources)| {
+            for (row, sources) in rows.iter_mut().zip(sources) {
+                if interrupt.is_due() {
+                    return;
+                }
+                row.values_mut().fill(0.0);
+                let stride = sizes[row.index()];
+                for source in sources {
+                    add_source(row, stride, source, chunks);
+                }
             }
         });
         vectors.clear();

@@ -7,8 +7,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
+use crate::parallel;
 use crate::problem::BundleProblem;
 use crate::simd::WIDTH;
 
@@ -261,7 +260,9 @@ impl Sorted {
             });
         }
         let starts = &self.starts;
-        fills.into_par_iter().for_each(|fill| fill.run(problem, view_of, view_count, starts));
+        parallel::for_each(fills.into_iter(), |fill| {
+            fill.run(problem, view_of, view_count, starts);
+        });
         self.chunks = chunks;
         self.pad(total);
     }

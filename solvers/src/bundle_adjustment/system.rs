@@ -8,7 +8,6 @@
 use std::sync::Arc;
 
 use nalgebra::{SVector, Vector3};
-use rayon::prelude::*;
 
 use super::accumulate::{Accumulate, ChunkSums};
 use super::back_substitute::{BackSubstitute, Cost, StepSums};
@@ -33,6 +32,7 @@ use crate::loss::Loss;
 use crate::optimizer::{
     Gradient, IterationSummary, LoopState, Losses, Step, StepFailure, System, damping_scale,
 };
+use crate::parallel;
 use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
 use crate::simd::Class;
@@ -122,8 +122,8 @@ pub(super) fn cost_of<const R: usize>(
         model,
         view_cameras: &layout.view_cameras,
     };
-    let chunks = layout.chunks().par_iter();
-    let sums: Vec<f64> = chunks.map(|chunk| class.run(Cost::<R> { inputs, chunk })).collect();
+    let chunks = layout.chunks().iter();
+    let sums = parallel::map(chunks, |chunk| class.run(Cost::<R> { inputs, chunk }));
     sums.iter().sum::<f64>() + pose_factors::cost(problem)
 }
 
@@ -185,7 +185,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         let sorted = &layout.sorted;
         let points = points_in_order(&problem, layout);
         let chunk_pairs = |i: usize| pairs.as_ref().map(|pairs| &pairs[i]);
-        let chunks = layout.chunks().par_iter().enumerate();
+        let chunks = layout.chunks().iter().enumerate();
         let pose_pairs = || pose_factors::block_pairs(&problem, layout);
         Self {
             model,
@@ -195,7 +195,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
             offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
             reduction: Reduction::new(layout, pairs.as_deref().unwrap_or(&[]), &pattern),
             view_records: Vec::new(),
-            sums: chunks.map(|(i, c)| ChunkSums::new(layout, c, chunk_pairs(i))).collect(),
+            sums: parallel::map(chunks, |(i, c)| ChunkSums::new(layout, c, chunk_pairs(i))),
             groups: vec![LandmarkGroup::ZERO; sorted.tile_count() * GROUPS],
             pose_hessian: pose_factors::has_any(&problem)
                 .then(|| pose_factors::hessian(layout, pose_pairs())),
@@ -263,8 +263,8 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         let (layout, class, pairs) = (&*self.layout, self.class, self.pairs.as_ref());
         let interrupt = &self.interrupt;
         let pieces = split_groups(layout, &mut groups);
-        let chunks = layout.chunks().par_iter().enumerate();
-        chunks.zip(&mut sums).zip(pieces).for_each(|(((i, chunk), sums), groups)| {
+        let chunks = layout.chunks().iter().enumerate().zip(&mut sums).zip(pieces);
+        parallel::for_each(chunks, |(((i, chunk), sums), groups)| {
             let pairs = pairs.map(|pairs| &pairs[i]);
             inputs.run(
                 class,
@@ -343,27 +343,23 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         let (layout, class, interrupt) = (&*self.layout, self.class, &self.interrupt);
         let pieces = split(&mut steps, layout.chunks().iter().map(|c| c.landmarks.len() * POINT));
         let view_steps = &self.view_steps;
-        let sums: Vec<StepSums> = layout
-            .chunks()
-            .par_iter()
-            .zip(pieces)
-            .map(|(chunk, steps)| {
-                let groups = &self.groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
-                inputs.run(
-                    class,
-                    BackSubstitute::<D, V, T, R> {
-                        inputs,
-                        layout,
-                        chunk,
-                        damping,
-                        view_steps,
-                        groups,
-                        steps,
-                        interrupt,
-                    },
-                )
-            })
-            .collect();
+        let chunks = layout.chunks().iter().zip(pieces);
+        let sums = parallel::map(chunks, |(chunk, steps)| {
+            let groups = &self.groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
+            inputs.run(
+                class,
+                BackSubstitute::<D, V, T, R> {
+                    inputs,
+                    layout,
+                    chunk,
+                    damping,
+                    view_steps,
+                    groups,
+                    steps,
+                    interrupt,
+                },
+            )
+        });
         self.point_steps = steps;
         sums.iter().fold(StepSums::default(), |a, b| StepSums {
             decrease: a.decrease + b.decrease,
@@ -404,7 +400,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         let inputs = Inputs { stiffness: INNER_STIFFNESS, ..self.inputs() };
         let (layout, class, interrupt) = (&*self.layout, self.class, &self.interrupt);
         let pieces = split(&mut points, layout.chunks().iter().map(|c| c.landmarks.len() * POINT));
-        layout.chunks().par_iter().zip(pieces).for_each(|(chunk, points)| {
+        parallel::for_each(layout.chunks().iter().zip(pieces), |(chunk, points)| {
             class.run(InnerIterations::<R> { inputs, layout, chunk, points, interrupt });
         });
         self.points = points;
@@ -451,8 +447,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
         self.fill_view_records();
         let inputs = self.inputs();
         let class = self.class;
-        let chunks = self.layout.chunks().par_iter();
-        let sums: Vec<f64> = chunks.map(|chunk| class.run(Cost::<R> { inputs, chunk })).collect();
+        let chunks = self.layout.chunks().iter();
+        let sums = parallel::map(chunks, |chunk| class.run(Cost::<R> { inputs, chunk }));
         sums.iter().sum::<f64>() + pose_factors::cost(&self.problem)
     }
 

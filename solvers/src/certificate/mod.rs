@@ -21,6 +21,7 @@ pub use crate::initialization::IsotropicPrecision;
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockPattern, Cholesky, LinearError};
 use crate::optimizer::from_linear;
+use crate::order;
 use crate::price::{Ceiling, Limits, Price};
 use crate::problem::{PoseGraph, SolveError};
 
@@ -199,7 +200,7 @@ fn rounded<G: RigidMotion<D, N>, const D: usize, const N: usize>(x: &Lifted) -> 
     });
     let eigen = gram.symmetric_eigen();
     let mut order: Vec<usize> = (0..rows).collect();
-    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+    order::sort_by(&mut order, &mut |a, b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let mut result = Lifted { rows: vec![vec![0.0; length]; D] };
     for (target, &column) in result.rows.iter_mut().zip(&order) {
         for (r, source) in x.rows.iter().enumerate() {

@@ -5,12 +5,12 @@
 //! whitened here.
 
 use nalgebra::{SMatrix, SVector};
-use rayon::prelude::*;
 
 use crate::geometry::LieGroup;
 use crate::information::Information;
 use crate::interrupt::Interrupt;
 use crate::loss::Loss;
+use crate::parallel;
 
 /// A measured relative pose between poses `i` and `j` of group `G` with `N` tangent dimensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,6 +87,5 @@ pub(crate) fn cost<G: LieGroup<N>, const N: usize>(
         true => 0.0,
         false => chunk.iter().map(half).sum(),
     };
-    let partial: Vec<f64> = factors.par_chunks(FACTORS_PER_CHUNK).map(sum).collect();
-    partial.iter().sum()
+    parallel::map(factors.chunks(FACTORS_PER_CHUNK), sum).iter().sum()
 }

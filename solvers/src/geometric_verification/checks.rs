@@ -12,6 +12,7 @@ use super::refusal::Refusal;
 use super::sampling::Numbers;
 use super::{Expected, Feature, Input, MIN_INLIERS, Options};
 use crate::geometry::{LieGroup, Se3, So3};
+use crate::order;
 use crate::relative_motion::squared_error;
 
 /// Expected number of poses, among all that samples can make, that wrong matches give so many inliers.
@@ -112,7 +113,7 @@ fn principal(points: &[Vector3<f64>]) -> (Matrix3<f64>, [f64; 3], Vector3<f64>) 
         points.iter().map(|p| (p - center) * (p - center).transpose()).sum();
     let eigen = (scatter / count).symmetric_eigen();
     let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    order::sort_by(&mut order, &mut |a, b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     let columns = order.map(|k| eigen.eigenvectors.column(k).into_owned());
     (Matrix3::from_columns(&columns), order.map(|k| eigen.eigenvalues[k].max(0.0)), center)
 }

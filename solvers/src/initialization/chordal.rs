@@ -10,7 +10,6 @@
 use std::sync::Arc;
 
 use nalgebra::{SMatrix, SVector};
-use rayon::prelude::*;
 
 use crate::factors::RelativePose;
 use crate::geometry::RigidMotion;
@@ -18,6 +17,7 @@ use crate::information::Information;
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
 use crate::optimizer::from_linear;
+use crate::parallel;
 use crate::price::{Limits, Price};
 use crate::problem::{PoseGraph, SolveError};
 
@@ -255,7 +255,7 @@ fn relaxed_rotations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         let kappa = IsotropicPrecision::of::<D, N>(&edge.information).rotation;
         (kappa, edge.i_from_j.rotation_matrix())
     };
-    let factors: Vec<_> = graph.edges.par_iter().with_min_len(MIN_EDGES).map(factor).collect();
+    let factors = parallel::map_in_runs(&graph.edges, MIN_EDGES, factor);
     for (edge, &(kappa, z)) in graph.edges.iter().zip(&factors) {
         if edge.i == edge.j {
             continue;
@@ -295,7 +295,7 @@ fn translations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         // t_j − t_i should be R_i t_Z.
         (rotation * omega * rotation.transpose(), rotation * edge.i_from_j.translation())
     };
-    let factors: Vec<_> = graph.edges.par_iter().with_min_len(MIN_EDGES).map(factor).collect();
+    let factors = parallel::map_in_runs(&graph.edges, MIN_EDGES, factor);
     for (edge, &(weight, measured)) in graph.edges.iter().zip(&factors) {
         if edge.i == edge.j {
             continue;

@@ -24,6 +24,7 @@ use std::sync::Arc;
 use super::error::LinearError;
 use super::pattern::BlockPattern;
 use crate::interrupt::Interrupt;
+use crate::order;
 
 use dissection::nested_dissection;
 use elimination::eliminate;
@@ -104,7 +105,7 @@ pub(super) fn ordered_with_last(
 ) -> (Vec<u32>, Elimination) {
     let natural = || (0..pattern.block_count() as u32).collect();
     let mut order = minimum_degree(&Graph::new(pattern)).unwrap_or_else(natural);
-    order.sort_by_key(|&block| is_last[block as usize]);
+    order::sort_by_key(&mut order, &|block| u64::from(is_last[block as usize]));
     postordered(pattern, &order).unwrap_or_default()
 }
 
@@ -120,12 +121,12 @@ pub(super) fn cheapest_with_last(
 ) -> Result<(BlockOrdering, Elimination), LinearError> {
     let (ordering, _) = cheapest(pattern, interrupt)?;
     let BlockOrdering { mut order, method, .. } = ordering;
-    let key = |block: u32| if is_last[block as usize] { block + 1 } else { 0 };
-    order.sort_by_key(|&block| key(block));
+    let key = |block: u32| if is_last[block as usize] { u64::from(block) + 1 } else { 0 };
+    order::sort_by_key(&mut order, &key);
     let (mut order, _) = postordered(pattern, &order).unwrap_or_default();
     // Subtrees without an ancestor among the last blocks may stand behind these. Moving such subtrees
     // before them keeps each child before its parent and each subtree contiguous.
-    order.sort_by_key(|&block| key(block));
+    order::sort_by_key(&mut order, &key);
     let elimination = eliminate(pattern, &order).unwrap_or_default();
     let Elimination { flops, factor_entries, .. } = elimination;
     Ok((BlockOrdering { order, flops, factor_entries, method }, elimination))

@@ -5,11 +5,10 @@
 //! make the outer step better. From x = 0 every iterate satisfies xᵀ(Ax − g) = 0, which is what the
 //! trust region's predicted decrease needs. It knows no threads: products are the caller's.
 
-use rayon::prelude::*;
-
 use super::error::LinearError;
 use super::matrix::BlockMatrix;
 use crate::interrupt::Interrupt;
+use crate::parallel;
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,20 +120,20 @@ impl BlockJacobi {
             rest = tail;
             blocks.push((block, size, inverse));
         }
-        let failed =
-            blocks.into_par_iter().with_min_len(64).filter_map(|(block, size, inverse)| {
-                let offset = pattern.offset(block);
-                let mut factor = matrix.block(block, block)?.to_vec();
-                for i in 0..size {
-                    factor[i * size + i] += added.get(offset + i).copied().unwrap_or(0.0);
-                }
-                let fine = factor_in_place(&mut factor, size);
-                if fine {
-                    invert(&factor, size, inverse);
-                }
-                (!fine).then_some((block, offset))
-            });
-        match failed.min() {
+        let factor = |&mut (block, size, ref mut inverse): &mut (usize, usize, &mut [f64])| {
+            let offset = pattern.offset(block);
+            let mut factor = matrix.block(block, block)?.to_vec();
+            for i in 0..size {
+                factor[i * size + i] += added.get(offset + i).copied().unwrap_or(0.0);
+            }
+            if !factor_in_place(&mut factor, size) {
+                return Some((block, offset));
+            }
+            invert(&factor, size, inverse);
+            None
+        };
+        let failed = parallel::map(blocks.chunks_mut(64), |run| run.iter_mut().find_map(factor));
+        match failed.into_iter().flatten().next() {
             None => Ok(()),
             Some((block, scalar)) => Err(LinearError::NotPositiveDefinite { block, scalar }),
         }

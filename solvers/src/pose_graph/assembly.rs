@@ -6,14 +6,14 @@
 //! poses that are not constant, in index order. Priors are added by `priors`; nothing is factored here.
 
 use nalgebra::{SMatrix, SMatrixViewMut, SVector};
-use rayon::prelude::*;
 
 use crate::factors::{FACTORS_PER_CHUNK, FACTORS_PER_QUESTION, RelativePose};
 use crate::geometry::LieGroup;
-use crate::interrupt::{Interrupt, Steps};
+use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut, PairTerm};
 use crate::lists::Lists;
 use crate::loss::Loss;
+use crate::parallel;
 
 /// What `edge` adds to H and g at the two poses; `loss` is the graph's.
 pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
@@ -45,15 +45,17 @@ pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
     interrupt: &Interrupt,
     blocks: &mut Vec<PairTerm<N>>,
 ) {
-    let term = |steps: &mut Steps<'_>, edge: &RelativePose<G, N>| {
-        if steps.is_due_after(1) {
-            return PairTerm::zeros();
+    blocks.resize(edges.len(), PairTerm::zeros());
+    let runs = edges.chunks(FACTORS_PER_CHUNK).zip(blocks.chunks_mut(FACTORS_PER_CHUNK));
+    parallel::for_each(runs, |(edges, blocks)| {
+        let is_due = interrupt.is_due();
+        for (edge, block) in edges.iter().zip(blocks) {
+            *block = match is_due {
+                true => PairTerm::zeros(),
+                false => pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss),
+            };
         }
-        pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss)
-    };
-    let steps = || interrupt.in_steps(FACTORS_PER_QUESTION);
-    let edges = edges.par_iter().with_min_len(FACTORS_PER_CHUNK);
-    edges.map_init(steps, term).collect_into_vec(blocks);
+    });
 }
 
 /// An edge as the row of one of its poses sees it.
@@ -69,8 +71,8 @@ struct Incidence {
 /// The other pose is constant, or its own row stores the block.
 const NOT_STORED: u32 = u32::MAX;
 
-/// Block rows a task sums at least.
-const MIN_ROWS_PER_TASK: usize = 32;
+/// Block rows that a task sums.
+const ROWS_PER_TASK: usize = 32;
 
 /// Which edges each block row sums, and where; in edge order.
 #[derive(Debug)]
@@ -106,26 +108,23 @@ impl Incidences {
         hessian: &mut BlockMatrix,
         gradient: &mut [f64],
     ) {
-        hessian
-            .rows_mut()
-            .into_par_iter()
-            .zip(gradient.par_chunks_exact_mut(N))
-            .with_min_len(MIN_ROWS_PER_TASK)
-            .for_each_init(
-                || interrupt.in_steps(FACTORS_PER_QUESTION),
-                |steps, (row, gradient)| {
-                    let edges = self.0.of(row.index()).len();
-                    if !steps.is_due_after(edges as u32) {
-                        self.assemble_row(blocks, row, gradient);
-                    }
-                },
-            );
+        let mut rows = hessian.rows_mut();
+        let runs = rows.chunks_mut(ROWS_PER_TASK).zip(gradient.chunks_mut(ROWS_PER_TASK * N));
+        parallel::for_each(runs, |(rows, gradient)| {
+            let mut steps = interrupt.in_steps(FACTORS_PER_QUESTION);
+            for (row, gradient) in rows.iter_mut().zip(gradient.chunks_exact_mut(N)) {
+                let edges = self.0.of(row.index()).len();
+                if !steps.is_due_after(edges as u32) {
+                    self.assemble_row(blocks, row, gradient);
+                }
+            }
+        });
     }
 
     fn assemble_row<const N: usize>(
         &self,
         blocks: &[PairTerm<N>],
-        mut row: BlockRowMut<'_>,
+        row: &mut BlockRowMut<'_>,
         gradient: &mut [f64],
     ) {
         row.values_mut().fill(0.0);

@@ -8,7 +8,6 @@
 use std::sync::Arc;
 
 use nalgebra::SVector;
-use rayon::prelude::*;
 
 use super::assembly::{Incidences, linearize_edges};
 use super::priors::{self, cost};
@@ -17,6 +16,7 @@ use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale, from_linear};
+use crate::parallel;
 use crate::price::{Limits, Price};
 use crate::problem::{PoseGraph, SolveError};
 
@@ -28,8 +28,8 @@ const LEAST_DAMPING: f64 = 1e-10;
 /// information, its diagonal is rounding, of either sign.
 const LEAST_SCALE: f64 = 1e-3;
 
-/// Poses a task moves at least.
-const MIN_POSES_PER_TASK: usize = 128;
+/// Poses that a task moves.
+const POSES_PER_TASK: usize = 128;
 
 /// The block rows of the poses that move.
 pub(super) struct Rows {
@@ -227,16 +227,14 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
     fn apply(&mut self) -> f64 {
         self.backup.copy_from_slice(&self.graph.poses);
         let step = &self.step;
-        self.graph
-            .poses
-            .par_iter_mut()
-            .zip(&self.row_of)
-            .with_min_len(MIN_POSES_PER_TASK)
-            .for_each(|(pose, row)| {
+        let runs = self.graph.poses.chunks_mut(POSES_PER_TASK);
+        parallel::for_each(runs.zip(self.row_of.chunks(POSES_PER_TASK)), |(poses, rows)| {
+            for (pose, row) in poses.iter_mut().zip(rows) {
                 if let Some(row) = row {
                     *pose = pose.plus(&SVector::from_column_slice(&step[row * N..][..N]));
                 }
-            });
+            }
+        });
         cost(self.graph, self.interrupt)
     }
 

@@ -7,6 +7,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::geometry::Camera;
+use crate::order;
 use crate::problem::BundleProblem;
 
 /// One observation.
@@ -70,7 +71,7 @@ impl Bearings {
         let mut of_landmark = vec![Vec::new(); problem.landmarks.len()];
         for bearings in &mut of_pose {
             // By landmark, the first observation where there are several of one.
-            bearings.sort_unstable_by_key(|&s| (all[s as usize].landmark, s));
+            order::sort_by_key(bearings, &|s| all[s as usize].landmark as u64);
             bearings.dedup_by_key(|s| all[*s as usize].landmark);
             for &s in bearings.iter() {
                 of_landmark[all[s as usize].landmark].push(s);

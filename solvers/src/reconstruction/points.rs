@@ -6,7 +6,6 @@
 //! No pose moves.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use super::Estimate;
 use super::bearings::{Bearing, Bearings};
@@ -15,6 +14,7 @@ use crate::geometric_verification::Numbers;
 use crate::geometry::Se3;
 use crate::initialization::{TriangulationOptions, View, triangulate};
 use crate::interrupt::Interrupt;
+use crate::parallel;
 
 /// Pairs of rays that are tried for a point.
 const PAIRS: usize = 24;
@@ -41,8 +41,7 @@ pub(super) fn triangulate_all(
         true => None,
         false => place(bearings, estimate, landmark, acceptance),
     };
-    let placed: Vec<Option<(Vector3<f64>, Vec<u32>)>> =
-        (0..bearings.of_landmark.len()).into_par_iter().map(one).collect();
+    let placed = parallel::map(0..bearings.of_landmark.len(), one);
     if interrupt.is_due() {
         return;
     }

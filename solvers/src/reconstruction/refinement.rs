@@ -4,8 +4,6 @@
 //! observations hold lose their poses, and may get others by resection. What it adjusts is
 //! `pipeline`'s estimate; the order of the stages is told there.
 
-use rayon::prelude::*;
-
 use super::adjustment::{Adjustment, adjust};
 use super::bearings::{Bearing, Bearings};
 use super::pipeline::Run;
@@ -18,6 +16,7 @@ use crate::geometric_verification::Numbers;
 use crate::geometry::{LieGroup, Se3};
 use crate::loss::Loss;
 use crate::optimizer::{self, Control, IterationSummary};
+use crate::parallel;
 use crate::problem::SolveError;
 
 /// Rays that are off by more than this are not adjusted at first, rad.
@@ -178,7 +177,7 @@ impl Run<'_, '_> {
                 true => Err(0),
                 false => resected(bearings, estimate, options, pose, pass),
             };
-            let found: Vec<Result<Se3, usize>> = open.par_iter().map(one).collect();
+            let found = parallel::map(open.iter(), one);
             if self.is_due() {
                 return Ok(());
             }

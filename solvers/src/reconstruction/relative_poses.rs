@@ -5,7 +5,6 @@
 //! seed of its own. It reads no pose and no landmark of the problem.
 
 use nalgebra::Matrix3;
-use rayon::prelude::*;
 
 use super::bearings::Bearings;
 use super::resection::{Seen, resect};
@@ -14,6 +13,7 @@ use super::view_graph::Candidate;
 use crate::geometric_verification::Numbers;
 use crate::geometry::{Camera, LieGroup, So3};
 use crate::interrupt::Interrupt;
+use crate::parallel;
 use crate::relative_motion::PointEstimate;
 
 /// Share of the common landmarks that must agree.
@@ -58,10 +58,8 @@ impl Measuring<'_> {
         const CHUNK: usize = 256;
         let mut edges = Vec::new();
         for (index, chunk) in pairs.chunks(CHUNK).enumerate() {
-            let measured: Vec<Option<Edge>> = chunk
-                .par_iter()
-                .map(|pair| if interrupt.is_due() { None } else { self.one(pair) })
-                .collect();
+            let measure = |pair| if interrupt.is_due() { None } else { self.one(pair) };
+            let measured = parallel::map(chunk.iter(), measure);
             edges.extend(measured.into_iter().flatten());
             if interrupt.is_due() || !done(index * CHUNK + chunk.len()) {
                 break;

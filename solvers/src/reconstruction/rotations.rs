@@ -17,6 +17,7 @@ use super::relative_poses::Edge;
 use super::{add_block, planned};
 use crate::geometry::{LieGroup, So3};
 use crate::linear::{BlockMatrix, BlockPattern};
+use crate::order;
 use crate::price::Limits;
 use crate::problem::{DisjointSets, SolveError};
 
@@ -152,7 +153,7 @@ fn floored(information: &Matrix3<f64>) -> Matrix3<f64> {
 /// Rotations along the spanning tree of the edges with most inliers that agree with most triangles.
 fn tree(edges: &[&Edge], piece: &[usize], poses: usize) -> Vec<Option<So3>> {
     let mut order: Vec<usize> = (0..edges.len()).collect();
-    order.sort_unstable_by_key(|&k| (Reverse(edges[k].inliers), k));
+    order::sort_by(&mut order, &mut |a, b| edges[b].inliers.cmp(&edges[a].inliers));
     let mut sets = DisjointSets::new(poses);
     let mut neighbors: Vec<Vec<usize>> = vec![Vec::new(); poses];
     for k in order {

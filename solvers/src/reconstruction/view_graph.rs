@@ -7,12 +7,13 @@
 use std::cmp::Reverse;
 
 use nalgebra::Matrix3;
-use rayon::prelude::*;
 
 use super::bearings::Bearings;
 use super::relative_poses::Edge;
 use crate::geometry::So3;
 use crate::interrupt::Interrupt;
+use crate::order;
+use crate::parallel;
 use crate::problem::DisjointSets;
 
 /// Landmarks of a pair that are looked at for its parallax.
@@ -61,7 +62,7 @@ pub(super) fn candidates(
         let enough = met.into_iter().filter(|&b| counts[b] as usize >= min_common);
         enough.map(|b| candidate(bearings, a, b)).collect::<Vec<_>>()
     };
-    let lists: Vec<_> = (0..bearings.of_pose.len()).into_par_iter().map(of_pose).collect();
+    let lists = parallel::map(0..bearings.of_pose.len(), of_pose);
     lists.into_iter().flatten().collect()
 }
 
@@ -102,11 +103,13 @@ pub(super) fn selected(candidates: &[Candidate], poses: usize, neighbors: usize)
     }
     let mut taken = vec![false; candidates.len()];
     for own in &mut of_pose {
-        own.sort_unstable_by(|&i, &j| {
+        order::sort_by(own, &mut |i, j| {
             candidates[j].score.total_cmp(&candidates[i].score).then(i.cmp(&j))
         });
         own.iter().take(neighbors).for_each(|&index| taken[index] = true);
-        own.sort_unstable_by_key(|&i| (Reverse(candidates[i].common), i));
+        order::sort_by(own, &mut |i, j| {
+            candidates[j].common.cmp(&candidates[i].common).then(i.cmp(&j))
+        });
         own.iter().take(neighbors / 2).for_each(|&index| taken[index] = true);
     }
     (0..candidates.len()).filter(|&index| taken[index]).collect()

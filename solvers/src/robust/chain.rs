@@ -5,10 +5,10 @@
 //! edges and ids, never poses.
 
 use nalgebra::SMatrix;
-use rayon::prelude::*;
 
 use crate::factors::{FACTORS_PER_CHUNK, RelativePose};
 use crate::geometry::LieGroup;
+use crate::parallel;
 use crate::problem::PoseGraph;
 
 /// A relative pose with the covariance of its right perturbation.
@@ -30,7 +30,7 @@ impl<G: LieGroup<N>, const N: usize> Measured<G, N> {
 
     /// Each edge of a graph; `None` for one that leaves a direction open.
     pub(super) fn all(graph: &PoseGraph<G, N>) -> Vec<Option<Self>> {
-        graph.edges.par_iter().with_min_len(FACTORS_PER_CHUNK).map(Self::of).collect()
+        parallel::map_in_runs(&graph.edges, FACTORS_PER_CHUNK, Self::of)
     }
 
     /// Z⁻¹: Exp(−δ) Z⁻¹ = Z⁻¹ Exp(−Ad(Z) δ).

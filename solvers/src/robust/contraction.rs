@@ -8,8 +8,6 @@
 //! can be measured anew along its most probable path (`bending`), which brings both optima together. At
 //! the end the poses that were left out are put back on these paths. Solves nothing.
 
-use rayon::prelude::*;
-
 use super::bending::{Bend, Path, bend};
 use super::chain::Measured;
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
@@ -17,6 +15,7 @@ use crate::geometry::LieGroup;
 use crate::information::Covariance;
 use crate::lists::Lists;
 use crate::loss::Loss;
+use crate::parallel;
 use crate::problem::PoseGraph;
 
 /// Most steps of a row. The errors of a longer one add up to so much that the first order says little:
@@ -149,7 +148,7 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
         }
         Some((row, way))
     };
-    let rows: Vec<(Row, Measured<G, N>)> = rows.into_par_iter().map(way).collect::<Option<_>>()?;
+    let rows = parallel::map(rows.into_iter(), way).into_iter().collect::<Option<Vec<_>>>()?;
     let mut edges = Vec::with_capacity(rows.len());
     for (row, way) in &rows {
         let last = row.last().filter(|&last| last != row.first);
@@ -248,7 +247,7 @@ impl<G: LieGroup<N>, const N: usize> Contraction<G, N> {
             let information = Covariance::new(&measured.covariance).ok()?.information().ok()?;
             Some((bend, measured.motion, information))
         };
-        let found: Vec<_> = self.rows.par_iter().map(at_ends).collect();
+        let found = parallel::map(self.rows.iter(), at_ends);
         for (((_, near), edge), found) in self.rows.iter_mut().zip(&self.edges).zip(found) {
             let edge = edge.and_then(|edge| graph.edges.get_mut(edge));
             if let Some((edge, (bend, motion, information))) = edge.zip(found) {
@@ -262,8 +261,7 @@ impl<G: LieGroup<N>, const N: usize> Contraction<G, N> {
     /// are where they are most probable.
     pub(super) fn expand(mut self, graph: &mut PoseGraph<G, N>) {
         self.take(graph);
-        let bent: Vec<Vec<G>> =
-            self.rows.par_iter().map(|(row, near)| self.bent(row, near).1.poses).collect();
+        let bent = parallel::map(self.rows.iter(), |(row, near)| self.bent(row, near).1.poses);
         let Self { mut full, rows, .. } = self;
         for ((row, _), poses) in rows.iter().zip(bent) {
             let first = full.poses[row.first];

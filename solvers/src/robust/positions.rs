@@ -15,6 +15,7 @@ use crate::factors::PositionPrior;
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::optimizer::ignore_iterations;
+use crate::order;
 use crate::pose_graph::{self, position_covariances};
 use crate::problem::{DisjointSets, PoseGraph, SolveError};
 
@@ -167,7 +168,8 @@ fn costs<G: LieGroup<N>, const N: usize>(
 /// The place of each position prior in the order of its pose's id, then of the priors.
 fn ranks<G, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<usize> {
     let mut order: Vec<usize> = (0..graph.position_priors.len()).collect();
-    order.sort_unstable_by_key(|&prior| (graph.ids[graph.position_priors[prior].pose], prior));
+    let id = |prior: usize| graph.ids[graph.position_priors[prior].pose];
+    order::sort_by(&mut order, &mut |a, b| id(a).cmp(&id(b)));
     let mut ranks = vec![0; order.len()];
     order.into_iter().enumerate().for_each(|(rank, prior)| ranks[prior] = rank);
     ranks
@@ -179,7 +181,7 @@ fn next_counts(counts: &[bool], costs: &[f64], ranks: &[usize], threshold: f64) 
     let mut worst: Vec<usize> = (0..counts.len())
         .filter(|&k| counts[k] && (costs[k] > threshold || costs[k].is_nan()))
         .collect();
-    worst.sort_unstable_by(|&a, &b| costs[b].total_cmp(&costs[a]).then(a.cmp(&b)));
+    order::sort_by(&mut worst, &mut |a, b| costs[b].total_cmp(&costs[a]));
     let mut left_out = vec![false; counts.len()];
     for k in worst {
         let near = ranks[k].saturating_sub(NEIGHBORHOOD)..=ranks[k] + NEIGHBORHOOD;

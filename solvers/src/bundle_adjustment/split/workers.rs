@@ -8,12 +8,11 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-use rayon::prelude::*;
-
 use super::frames::{FrameError, read_message, write_message};
 use super::message::{Answer, Request};
 use super::worker::Worker;
 use crate::interrupt::Interrupt;
+use crate::parallel;
 
 /// How often a wait for answers asks whether it must end.
 const QUESTION_EVERY: Duration = Duration::from_millis(10);
@@ -84,7 +83,7 @@ impl Workers for LocalWorkers {
             [worker] => {
                 queues.into_iter().take(1).map(|queue| serve((&mut *worker, queue))).collect()
             }
-            workers => workers.par_iter_mut().zip(queues).map(serve).collect(),
+            workers => parallel::map(workers.iter_mut().zip(queues), serve),
         }
     }
 

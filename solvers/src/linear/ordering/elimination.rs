@@ -7,6 +7,7 @@
 
 use crate::linear::pattern::BlockPattern;
 use crate::lists::Lists;
+use crate::order;
 
 /// Marks a root of the elimination forest.
 pub(in super::super) const NO_PARENT: u32 = u32::MAX;
@@ -191,7 +192,7 @@ impl Elimination {
     /// The tallest child comes last, next to its parent, so that the two can share a supernode.
     pub(super) fn postorder(&self) -> Vec<u32> {
         let mut by_height: Vec<u32> = (0..self.parents.len() as u32).collect();
-        by_height.sort_by_key(|&k| self.heights[k as usize]);
+        order::sort_by_key(&mut by_height, &|k| self.heights[k as usize] as u64);
         postorder_of(&self.parents, by_height.into_iter())
     }
 }

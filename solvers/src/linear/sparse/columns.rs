@@ -2,11 +2,10 @@
 //!
 //! How columns are grouped and who works on them changes no bit; see `kernels`. It knows no plan.
 
-use rayon::prelude::*;
-
 use super::kernels::{BadPivot, Downdate, Factor, PANEL, Source, Start, Target};
 use super::shape::Shape;
 use crate::interrupt::Interrupt;
+use crate::parallel;
 use crate::simd::{Class, WIDTH};
 
 /// Work of fewer flops is not dealt out.
@@ -114,7 +113,7 @@ fn strips(
     match cut {
         _ if columns.is_empty() => {}
         Cut::Dealt(strip) => {
-            columns.par_chunks_mut(strip * stride).enumerate().for_each(|(k, columns)| {
+            parallel::for_each(columns.chunks_mut(strip * stride).enumerate(), |(k, columns)| {
                 if !interrupt.is_due() {
                     work(first + k * strip, columns);
                 }

@@ -8,8 +8,6 @@
 //! by block, transposed where need be. The kernels are those of the factorization that does not grow.
 //! Which fronts are made, and from which blocks, is decided by `top`.
 
-use rayon::prelude::*;
-
 use super::terms::Terms;
 use super::top::{Planned, Top};
 use super::tree::{NONE, Node, Tree};
@@ -19,6 +17,7 @@ use crate::linear::sparse::columns::{self, COLUMNS_PER_TASK, Cut};
 use crate::linear::sparse::front::add_rows;
 use crate::linear::sparse::kernels::{BadPivot, Target};
 use crate::linear::sparse::shape::Shape;
+use crate::parallel;
 use crate::simd::{Class, Kernel, Lanes, WIDTH};
 
 /// A top of fewer flops is made by one task; a subtree with less than this share of them is.
@@ -121,10 +120,8 @@ impl<const N: usize> Shared<'_, N> {
             }
             (rest, end) = (before, begin);
         }
-        light
-            .par_iter_mut()
-            .with_max_len(1)
-            .try_for_each(|(first, range)| self.sweep(range, *first))?;
+        let sweep = |(first, range): (usize, &mut [Work])| self.sweep(range, first);
+        parallel::map(light.into_iter(), sweep).into_iter().collect::<Result<(), _>>()?;
         for s in 0..works.len() {
             if !is_light(&works[s]) {
                 let (below, own) = works.split_at_mut(s);
