@@ -5,15 +5,13 @@
 //! are inexact on purpose. The matrix is never formed; whether this solver is used is decided in
 //! `reduced_solver`.
 
-use crate::interrupt::Interrupt;
 use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg};
 use crate::parallel;
-use crate::simd::Class;
 
 use super::blocks::ViewVector;
+use super::eliminator::Pass;
 use super::landmarks::LandmarkGroup;
 use super::layout::Layout;
-use super::observe::Inputs;
 use super::product::{Product, ProductSums};
 use super::sorted::{GROUPS, split};
 
@@ -25,9 +23,7 @@ const MAX_PRODUCTS: usize = 500;
 
 /// The linearization that is multiplied with.
 pub(super) struct Linearization<'a> {
-    pub(super) inputs: Inputs<'a>,
-    pub(super) layout: &'a Layout,
-    pub(super) class: Class,
+    pub(super) pass: Pass<'a>,
     /// First unknown of each block.
     pub(super) offsets: &'a [usize],
     pub(super) groups: &'a [LandmarkGroup],
@@ -35,7 +31,6 @@ pub(super) struct Linearization<'a> {
     pub(super) pose_hessian: Option<&'a BlockMatrix>,
     /// λD.
     pub(super) added: &'a [f64],
-    pub(super) interrupt: &'a Interrupt,
 }
 
 /// The solver's memory.
@@ -72,7 +67,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Iterative<D
         let multiply = |p: &[f64], q: &mut [f64]| {
             linearization.multiply::<D, V, T, R>(p, q, (vectors, sums, pose_product));
         };
-        let interrupt = linearization.interrupt;
+        let interrupt = linearization.pass.interrupt;
         let outcome = pcg.solve(multiply, jacobi, g, x, (FORCING, MAX_PRODUCTS), interrupt)?;
         Ok(outcome.relative_residual)
     }
@@ -107,7 +102,8 @@ impl Linearization<'_> {
             &mut Vec<f64>,
         ),
     ) {
-        let Self { inputs, layout, class, offsets, groups, interrupt, .. } = *self;
+        let Self { pass, offsets, groups, .. } = *self;
+        let Pass { inputs, layout, class, interrupt } = pass;
         gather(layout, offsets, p, vectors);
         let vectors = vectors.as_slice();
         parallel::for_each(layout.chunks().iter().zip(sums.iter_mut()), |(chunk, sums)| {

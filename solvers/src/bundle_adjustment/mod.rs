@@ -9,6 +9,7 @@ mod accumulate;
 mod back_substitute;
 mod blocks;
 mod covisible;
+mod eliminator;
 mod held;
 mod inner_iterations;
 mod iterative;
@@ -24,6 +25,7 @@ mod sorted;
 pub mod split;
 mod system;
 mod under_loss;
+mod variables;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -40,11 +42,12 @@ use crate::price::{Limits, Price};
 use crate::problem::{BundleProblem, SolveError};
 pub use crate::simd::Class;
 
+use eliminator::Kernels;
+use held::Held;
 use layout::Layout;
-use observe::Model;
-use price::Costs;
 use reduced_solver::plan;
-use system::{BundleSystem, cost_of};
+use system::BundleSystem;
+use variables::Variables;
 
 /// How the reduced camera system is stored and factored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -130,7 +133,36 @@ fn run<'a>(
     let interrupt = interrupt.or_after(start, options.optimizer.deadline);
     with_threads(options.optimizer.threads, || {
         let layout = Arc::new(Layout::new(problem)?);
-        dispatch(&layout, Solve { problem, options, start, interrupt, observer, from, keeper })
+        let kernels = Kernels::of(problem, &layout);
+        let class = options.class.unwrap_or_else(Class::detect);
+        let limits = Limits { ceiling: options.optimizer.ceiling, interrupt: &interrupt };
+        let run = (start, &interrupt);
+        let held = Held::Borrowed(&mut *problem);
+        let variables = Variables::new(held, &layout, kernels, class, interrupt.clone());
+        let (solve, linear_solver) =
+            match BundleSystem::new(variables, options.linear_solver, limits) {
+                Ok(mut system) => {
+                    system.keeper = match keeper {
+                        Some(keeper) => Some(keeper),
+                        None => None,
+                    };
+                    let solve = minimize_from(&mut system, &options.optimizer, run, from, observer);
+                    let linear_solver = system.linear_solver();
+                    system.finish();
+                    (solve, linear_solver)
+                }
+                Err(SolveError::Interrupted) => {
+                    let held = Held::Borrowed(&mut *problem);
+                    let mut start =
+                        Variables::new(held, &layout, kernels, class, interrupt.clone());
+                    let mut start = Unmoved(start.cost());
+                    let solve = minimize_until(&mut start, &options.optimizer, run, observer);
+                    (solve, options.linear_solver)
+                }
+                Err(error) => return Err(error),
+            };
+        let behind_camera = problem.behind_camera_count();
+        Ok(BundleSummary { solve, linear_solver, behind_camera, class })
     })?
 }
 
@@ -200,7 +232,10 @@ pub fn price(problem: &BundleProblem, options: &Options) -> Result<Price, SolveE
     problem.validate()?;
     with_threads(options.optimizer.threads, || {
         let layout = Arc::new(Layout::new(problem)?);
-        dispatch(&layout, Estimate { problem, options })
+        let costs = (Kernels::of(problem, &layout).costs)(problem, &layout);
+        let ceiling = options.optimizer.ceiling;
+        let limits = Limits { ceiling, interrupt: &Interrupt::NEVER };
+        plan(problem, &layout, options.linear_solver, &costs, limits).map(|plan| plan.price)
     })?
 }
 
@@ -230,118 +265,4 @@ pub fn price_bound(problem: &BundleProblem) -> Price {
     let flops_per_iteration =
         1500.0 * observations as f64 + 1400.0 * pairs as f64 + dimension.powi(3) / 3.0;
     Price { bytes: bytes as u64, flops_per_iteration }
-}
-
-/// What is done once the kernels are known.
-trait Run {
-    type Output;
-
-    fn problem(&self) -> &BundleProblem;
-
-    fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
-        self,
-        layout: &Arc<Layout>,
-        model: Model,
-    ) -> Result<Self::Output, SolveError>;
-}
-
-/// Picks the kernels: how many columns a view has, how many rows an observation, which model.
-fn dispatch<W: Run>(layout: &Arc<Layout>, work: W) -> Result<W::Output, SolveError> {
-    let problem = work.problem();
-    let all = |is: fn(&Camera) -> bool| problem.cameras.iter().all(is);
-    let depth = !problem.depth_reprojections.is_empty();
-    let known = layout.camera_parameters == 0;
-    let model = if all(|c| matches!(c, Camera::Snavely(_))) {
-        Model::Snavely
-    } else if known && all(|c| matches!(c, Camera::Pinhole(_))) {
-        Model::Pinhole
-    } else {
-        Model::Any
-    };
-    match (known, depth) {
-        (true, false) => work.run::<6, 1, 0, 2>(layout, model),
-        (true, true) => work.run::<6, 1, 0, 3>(layout, model),
-        (false, false) if model == Model::Snavely => work.run::<9, 1, 1, 2>(layout, model),
-        (false, false) => work.run::<15, 2, 0, 2>(layout, model),
-        (false, true) => work.run::<15, 2, 0, 3>(layout, model),
-    }
-}
-
-/// Solving.
-struct Solve<'a, 'o> {
-    problem: &'a mut BundleProblem,
-    options: &'a Options,
-    start: Instant,
-    interrupt: Interrupt,
-    observer: &'a mut Observer<'o>,
-    /// The state from which the loop continues.
-    from: Option<&'a LoopState>,
-    keeper: Option<&'a mut (dyn Keeper + 'a)>,
-}
-
-impl Run for Solve<'_, '_> {
-    type Output = BundleSummary;
-
-    fn problem(&self) -> &BundleProblem {
-        self.problem
-    }
-
-    fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
-        self,
-        layout: &Arc<Layout>,
-        model: Model,
-    ) -> Result<BundleSummary, SolveError> {
-        let Self { problem, options, start, interrupt, observer, from, keeper } = self;
-        let class = options.class.unwrap_or_else(Class::detect);
-        let choice = (options.linear_solver, class);
-        let limits = Limits { ceiling: options.optimizer.ceiling, interrupt: &interrupt };
-        let system = BundleSystem::<D, V, T, R>::new(problem, layout, model, choice, limits);
-        let run = (start, &interrupt);
-        let (solve, linear_solver) = match system {
-            Ok(mut system) => {
-                system.keeper = match keeper {
-                    Some(keeper) => Some(keeper),
-                    None => None,
-                };
-                let solve = minimize_from(&mut system, &options.optimizer, run, from, observer);
-                let linear_solver = system.linear_solver();
-                system.finish();
-                (solve, linear_solver)
-            }
-            Err(SolveError::Interrupted) => {
-                let mut start = Unmoved(cost_of::<R>(problem, layout, (model, class)));
-                let solve = minimize_until(&mut start, &options.optimizer, run, observer);
-                (solve, options.linear_solver)
-            }
-            Err(error) => return Err(error),
-        };
-        let behind_camera = problem.behind_camera_count();
-        Ok(BundleSummary { solve, linear_solver, behind_camera, class })
-    }
-}
-
-/// Pricing.
-struct Estimate<'a> {
-    problem: &'a BundleProblem,
-    options: &'a Options,
-}
-
-impl Run for Estimate<'_> {
-    type Output = Price;
-
-    fn problem(&self) -> &BundleProblem {
-        self.problem
-    }
-
-    fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
-        self,
-        layout: &Arc<Layout>,
-        _model: Model,
-    ) -> Result<Price, SolveError> {
-        let problem = self.problem;
-        let costs = Costs::of::<D, V, T, R>(problem, layout);
-        let ceiling = self.options.optimizer.ceiling;
-        let limits = Limits { ceiling, interrupt: &Interrupt::NEVER };
-        plan(problem, layout, self.options.linear_solver, &costs, limits).map(|plan| plan.price)
-    }
 }

@@ -11,7 +11,7 @@ use crate::interrupt::Interrupt;
 use crate::price::{Ceiling, Limits};
 use crate::simd::Class;
 
-use super::super::system::{Bordered, bordered};
+use super::super::system::BorderedSystem;
 use super::file::read_section;
 use super::kept::Kept;
 use super::message::{Answer, Linearize, Motion, Reply, Request, START, Source, StepPart, Version};
@@ -43,7 +43,7 @@ struct Slot {
 
 /// A section's system and what was done with it last.
 struct Built {
-    system: Box<dyn Bordered>,
+    system: BorderedSystem,
     bytes: u64,
     /// The version that it is at.
     at: Option<Version>,
@@ -184,7 +184,7 @@ impl Built {
         let Section { problem, cameras_apart, border_poses, border_cameras } = section;
         let limits = Limits { ceiling: settings.ceiling, interrupt };
         let marks = (&cameras_apart[..], &border_poses[..], &border_cameras[..]);
-        let (system, bytes) = bordered(Box::new(problem), marks, settings.class, limits)
+        let (system, bytes) = BorderedSystem::new(Box::new(problem), marks, settings.class, limits)
             .map_err(|error| error.to_string())?;
         Ok(Self { system, bytes, at: Some(START), eliminated: None, step: None })
     }

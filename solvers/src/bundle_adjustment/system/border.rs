@@ -7,88 +7,59 @@
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
-
 use super::super::covisible::{can_be_numbered, covisible_pairs};
+use super::super::eliminator::Kernels;
+use super::super::held::Held;
+use super::super::layout::{Layout, NO_BLOCK};
 use super::super::reduce::block_pairs;
-use super::super::{Run, dispatch};
-use super::{
-    BlockPattern, BundleProblem, BundleSystem, Class, Costs, Held, Interrupt, Layout, Limits,
-    LinearError, LinearSolver, Model, NO_BLOCK, POINT, PartialCholesky, SolveError, Solver, System,
-    damping_scale, pose_factors,
-};
+use super::{BundleSystem, Solver, Variables, pose_factors};
+use crate::bundle_adjustment::LinearSolver;
 use crate::bundle_adjustment::split::{BorderPart, Contribution, Motion, StepPart, Values};
-use crate::optimizer::from_linear;
+use crate::interrupt::Interrupt;
+use crate::linear::{BlockPattern, LinearError, PartialCholesky};
+use crate::optimizer::{damping_scale, from_linear};
+use crate::price::Limits;
+use crate::problem::{BundleProblem, SolveError};
+use crate::simd::Class;
 
-/// A system with a border, whatever its kernels.
-pub(in super::super) trait Bordered: Send {
-    /// The unknowns of the border, in order.
-    fn border(&self) -> Vec<BorderPart>;
-    /// How many unknowns those are.
-    fn border_dimension(&self) -> usize;
-    fn set_interrupt(&mut self, interrupt: &Interrupt);
-    fn values(&self) -> Values;
-    /// Sets the variables; there are as many as in [`Self::values`].
-    fn set_values(&mut self, values: &Values);
-    fn cost(&mut self) -> f64;
-    /// Linearizes and eliminates.
-    fn contribute(&mut self, damping: f64, stiffness: f64) -> Contribution;
-    /// The step inside for that of the border, after [`Self::contribute`].
-    fn step(&mut self, damping: f64, border: &[f64]) -> StepPart;
-    /// Moves along the last step, from the values that are set; returns the cost.
-    fn move_along(&mut self, motion: Motion) -> f64;
-}
-
-/// Builds the system of `problem` whose poses and cameras that are marked are its border, and what it
-/// takes in bytes. Cameras in `is_apart` are not merged into a pose.
-pub(in super::super) fn bordered(
-    problem: Box<BundleProblem>,
-    (is_apart, border_poses, border_cameras): (&[bool], &[bool], &[bool]),
-    class: Class,
-    limits: Limits<'_>,
-) -> Result<(Box<dyn Bordered>, u64), SolveError> {
-    let layout = Arc::new(Layout::with_apart(&problem, is_apart));
-    let mut is_border = vec![false; layout.block_sizes.len()];
-    let cameras = layout.camera_block.iter().map(|&(block, _)| block);
-    let marked =
-        layout.pose_block.iter().copied().zip(border_poses).chain(cameras.zip(border_cameras));
-    for (block, &is_marked) in marked {
-        if is_marked && block != NO_BLOCK {
-            is_border[block as usize] = true;
-        }
-    }
-    dispatch(&layout, Build { problem, is_border, class, limits })
-}
-
-struct Build<'l> {
-    problem: Box<BundleProblem>,
+/// A system with a border.
+pub(in super::super) struct BorderedSystem {
+    system: BundleSystem<'static>,
+    /// By block of the reduced system.
     is_border: Vec<bool>,
-    class: Class,
-    limits: Limits<'l>,
+    /// Right-hand side of the last elimination.
+    right: Vec<f64>,
 }
 
-impl Run for Build<'_> {
-    type Output = (Box<dyn Bordered>, u64);
-
-    fn problem(&self) -> &BundleProblem {
-        &self.problem
-    }
-
-    fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
-        self,
-        layout: &Arc<Layout>,
-        model: Model,
-    ) -> Result<Self::Output, SolveError> {
-        let Self { problem, is_border, class, limits } = self;
+impl BorderedSystem {
+    /// Builds the system of `problem` whose poses and cameras that are marked are its border, and says
+    /// what it takes in bytes. Cameras in `is_apart` are not merged into a pose.
+    pub(in super::super) fn new(
+        problem: Box<BundleProblem>,
+        (is_apart, border_poses, border_cameras): (&[bool], &[bool], &[bool]),
+        class: Class,
+        limits: Limits<'_>,
+    ) -> Result<(Self, u64), SolveError> {
+        let layout = Arc::new(Layout::with_apart(&problem, is_apart));
+        let mut is_border = vec![false; layout.block_sizes.len()];
+        let cameras = layout.camera_block.iter().map(|&(block, _)| block);
+        let marked =
+            layout.pose_block.iter().copied().zip(border_poses).chain(cameras.zip(border_cameras));
+        for (block, &is_marked) in marked {
+            if is_marked && block != NO_BLOCK {
+                is_border[block as usize] = true;
+            }
+        }
         let dimension: usize = layout.block_sizes.iter().sum();
-        if !can_be_numbered(layout) {
+        if !can_be_numbered(&layout) {
             return Err(SolveError::TooLarge { dimension });
         }
-        let costs = Costs::of::<D, V, T, R>(&problem, layout);
+        let kernels = Kernels::of(&problem, &layout);
+        let costs = (kernels.costs)(&problem, &layout);
         let interrupt = limits.interrupt;
-        let pairs = covisible_pairs(layout, interrupt).ok_or(SolveError::Interrupted)?;
-        let mut tied = pose_factors::block_pairs(&problem, layout);
-        tied.extend(block_pairs(layout, &pairs));
+        let pairs = covisible_pairs(&layout, interrupt).ok_or(SolveError::Interrupted)?;
+        let mut tied = pose_factors::block_pairs(&problem, &layout);
+        tied.extend(block_pairs(&layout, &pairs));
         let border: Vec<usize> = (0..is_border.len()).filter(|&b| is_border[b]).collect();
         for (k, &i) in border.iter().enumerate() {
             tied.extend(border[..k].iter().map(|&j| (i, j)));
@@ -102,28 +73,17 @@ impl Run for Build<'_> {
         let values = 8 * pattern.value_count() as u64 + 24 * pattern.stored_block_count() as u64;
         let price = costs.paired(slots).plus_bytes(values + partial.price().bytes);
         limits.ceiling.admit(&price)?;
-        let solver = Solver::<D, V, T, R>::Partial(Box::new(partial));
-        let parts = (LinearSolver::SparseSchur, pattern, solver, Some(pairs));
-        let kernels = (model, class);
-        let interrupt = interrupt.clone();
         let held = Held::Owned(problem);
-        let system = BundleSystem::of_parts(held, layout, kernels, parts, interrupt);
-        Ok((Box::new(BorderedSystem { system, is_border, right: Vec::new() }), price.bytes))
+        let variables = Variables::new(held, &layout, kernels, class, interrupt.clone());
+        let solver = Solver::Partial(Box::new(partial));
+        let parts = (LinearSolver::SparseSchur, pattern, solver, Some(pairs));
+        let system = BundleSystem::of_parts(variables, parts);
+        Ok((Self { system, is_border, right: Vec::new() }, price.bytes))
     }
-}
 
-struct BorderedSystem<const D: usize, const V: usize, const T: usize, const R: usize> {
-    system: BundleSystem<'static, D, V, T, R>,
-    /// By block of the reduced system.
-    is_border: Vec<bool>,
-    /// Right-hand side of the last elimination.
-    right: Vec<f64>,
-}
-
-impl<const D: usize, const V: usize, const T: usize, const R: usize> BorderedSystem<D, V, T, R> {
     /// The scalars of the border, or those inside.
     fn scalars(&self, border: bool) -> impl Iterator<Item = usize> {
-        let sizes = &self.system.layout.block_sizes;
+        let sizes = &self.system.variables.layout.block_sizes;
         let blocks = self.is_border.iter().zip(&self.system.offsets).zip(sizes);
         blocks
             .filter(move |((is_border, _), _)| **is_border == border)
@@ -133,13 +93,10 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> BorderedSys
     fn on_border(&self, values: &[f64]) -> Vec<f64> {
         self.scalars(true).map(|i| values[i]).collect()
     }
-}
 
-impl<const D: usize, const V: usize, const T: usize, const R: usize> Bordered
-    for BorderedSystem<D, V, T, R>
-{
-    fn border(&self) -> Vec<BorderPart> {
-        let layout = &self.system.layout;
+    /// The unknowns of the border, in order.
+    pub(in super::super) fn border(&self) -> Vec<BorderPart> {
+        let layout = &self.system.variables.layout;
         // Block, first column in it, the part.
         let mut parts = Vec::new();
         for (pose, &block) in layout.pose_block.iter().enumerate() {
@@ -153,47 +110,38 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Bordered
         parts.into_iter().map(|(_, _, part)| part).collect()
     }
 
-    fn border_dimension(&self) -> usize {
+    /// How many unknowns those are.
+    pub(in super::super) fn border_dimension(&self) -> usize {
         self.scalars(true).count()
     }
 
-    fn set_interrupt(&mut self, interrupt: &Interrupt) {
-        self.system.interrupt = interrupt.clone();
+    pub(in super::super) fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.system.variables.interrupt = interrupt.clone();
     }
 
-    fn values(&self) -> Values {
-        let system = &self.system;
-        let mut landmarks = system.problem.landmarks.clone();
-        for (&landmark, point) in system.layout.sorted.order.iter().zip(system.points.chunks(POINT))
-        {
-            landmarks[landmark as usize] = Vector3::new(point[0], point[1], point[2]);
-        }
-        let problem = &system.problem;
-        Values { poses: problem.poses.clone(), cameras: problem.cameras.clone(), landmarks }
+    pub(in super::super) fn values(&self) -> Values {
+        let variables = &self.system.variables;
+        let BundleProblem { poses, cameras, .. } = &*variables.problem;
+        let (poses, cameras) = (poses.clone(), cameras.clone());
+        Values { poses, cameras, landmarks: variables.landmarks() }
     }
 
-    fn set_values(&mut self, values: &Values) {
+    /// Sets the variables; there are as many as in [`Self::values`].
+    pub(in super::super) fn set_values(&mut self, values: &Values) {
+        self.system.variables.set(&values.poses, &values.cameras, &values.landmarks);
+        self.system.eliminated_for = None;
+    }
+
+    pub(in super::super) fn cost(&mut self) -> f64 {
+        self.system.variables.cost()
+    }
+
+    /// Linearizes and eliminates.
+    pub(in super::super) fn contribute(&mut self, damping: f64, stiffness: f64) -> Contribution {
         let system = &mut self.system;
-        system.problem.poses.clone_from(&values.poses);
-        system.problem.cameras.clone_from(&values.cameras);
-        let points = system.points.chunks_mut(POINT);
-        for (&landmark, point) in system.layout.sorted.order.iter().zip(points) {
-            point[..3].copy_from_slice(values.landmarks[landmark as usize].as_slice());
-        }
-        system.eliminated_for = None;
-    }
-
-    fn cost(&mut self) -> f64 {
-        System::cost(&mut self.system)
-    }
-
-    fn contribute(&mut self, damping: f64, stiffness: f64) -> Contribution {
-        let system = &mut self.system;
-        system.stiffness = stiffness;
+        system.variables.stiffness = stiffness;
         system.eliminate(damping);
-        let landmarks = system.sums.iter().map(|s| s.gradient_max_norm);
-        let mut gradient_max_norm = landmarks.fold(0.0, f64::max);
-        let mut is_definite = system.sums.iter().all(|s| s.positive_definite);
+        let (mut is_definite, mut gradient_max_norm) = system.eliminator.landmarks();
         let scales = system.vectors.diagonal.iter().map(|d| damping_scale(*d));
         let mut added: Vec<f64> = scales.map(|scale| damping * scale).collect();
         self.right = system.vectors.reduced_gradient.iter().map(|g| -g).collect();
@@ -213,7 +161,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Bordered
         if let Solver::Partial(partial) = &mut system.solver
             && is_definite
         {
-            let outcome = partial.factor_until(&system.reduced, &added, &system.interrupt);
+            let outcome =
+                partial.factor_until(&system.reduced, &added, &system.variables.interrupt);
             is_definite = outcome.is_ok();
             if is_definite {
                 matrix = partial.border_matrix();
@@ -223,7 +172,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Bordered
         Contribution { gradient_max_norm, is_definite, matrix, right, gradient, diagonal }
     }
 
-    fn step(&mut self, damping: f64, border: &[f64]) -> StepPart {
+    /// The step inside for that of the border, after [`Self::contribute`].
+    pub(in super::super) fn step(&mut self, damping: f64, border: &[f64]) -> StepPart {
         let mut step = std::mem::take(&mut self.system.step);
         if let Solver::Partial(partial) = &mut self.system.solver {
             partial.expand(border, &mut step);
@@ -251,7 +201,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Bordered
         part
     }
 
-    fn move_along(&mut self, motion: Motion) -> f64 {
+    /// Moves along the last step, from the values that are set; returns the cost.
+    pub(in super::super) fn move_along(&mut self, motion: Motion) -> f64 {
         self.system.has_inner_iterations = motion.has_inner_iterations;
         self.system.move_by(motion.length)
     }
