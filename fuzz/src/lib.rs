@@ -1,5 +1,5 @@
-//! What every fuzz target's program is made of: libFuzzer around one target of `covis::fuzzing`, and
-//! an allocator that ends it where an input holds too much.
+//! What the programs here share: an allocator that ends them where an input holds too much, and the
+//! choice of the target.
 //!
 //! The allocator counts what is live, on all threads. What grows while one input runs must stay below
 //! 64 MiB, whatever the input says; past it the process aborts, which libFuzzer reports with the
@@ -9,8 +9,6 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicBool, AtomicIsize, Ordering};
-
-pub use libfuzzer_sys::fuzz_target;
 
 /// What one input may hold at any time, bytes.
 pub const MOST_BYTES: isize = 64 << 20;
@@ -107,12 +105,14 @@ pub fn tell_at_exit() {
     let _full = unsafe { atexit(tell) };
 }
 
-/// The program of one target.
-#[macro_export]
-macro_rules! fuzz {
-    ($target:literal) => {
-        $crate::fuzz_target!(init: $crate::tell_at_exit(), |input: &[u8]| {
-            $crate::run($target, input)
-        });
-    };
+/// The target that the variable `COVIS_FUZZ_TARGET` names; ends the process where there is none.
+#[must_use]
+pub fn named_target() -> String {
+    let name = std::env::var("COVIS_FUZZ_TARGET").unwrap_or_default();
+    if !covis::fuzzing::TARGETS.iter().any(|target| target.name == name) {
+        let names = covis::fuzzing::TARGETS.map(|target| target.name).join(", ");
+        say(format_args!("error: COVIS_FUZZ_TARGET is \"{name}\"; the targets are {names}"));
+        std::process::exit(2);
+    }
+    name
 }

@@ -85,17 +85,13 @@ fn the_corpus_and_its_mutations_break_nothing() {
 }
 
 #[test]
-fn every_target_has_a_small_corpus_and_a_program() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz");
+fn every_target_has_a_small_corpus() {
     for target in &TARGETS {
         let inputs = inputs(target);
         assert!((5..=40).contains(&inputs.len()), "{}: {} inputs", target.name, inputs.len());
         let large = inputs.iter().filter(|(_, input)| input.len() > 16_000);
         assert_eq!(large.count(), 0, "{}", target.name);
-        let program = root.join("fuzz_targets").join(format!("{}.rs", target.name));
-        assert!(program.is_file(), "{} is missing", program.display());
     }
-    let programs = fs_err::read_dir(root.join("fuzz_targets")).unwrap().count();
-    let corpora = fs_err::read_dir(root.join("corpus")).unwrap().count();
-    assert_eq!((programs, corpora), (TARGETS.len(), TARGETS.len()));
+    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
+    assert_eq!(fs_err::read_dir(corpora).unwrap().count(), TARGETS.len());
 }
