@@ -26,7 +26,6 @@ use super::report::{Details, Report};
 use super::residuals;
 use super::split::{self, Split};
 use crate::cli::choices::{choice, name_of};
-use crate::cli::config::Config;
 use crate::cli::formats::with_kind;
 use crate::cli::html::{self, solve::Residuals};
 use crate::cli::output::writable;
@@ -120,13 +119,8 @@ impl Details for BundleDetails {
     }
 }
 
-/// Reads, solves, writes, reports, all on the worker threads: they are there before the clock of
-/// the solve begins.
-pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
-    optimizer::with_threads(Some(config.threads), || run_on_threads(args))?
-}
-
-fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
+/// Reads, solves, writes, reports.
+pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     let shared = &args.shared;
     // A folder is made with all its parents.
     writable(shared.out.as_deref().filter(|_| !args.input.is_dir()))?;

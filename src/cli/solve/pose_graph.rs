@@ -20,9 +20,7 @@ use covis_solvers::graph_optimization::{GraphPose, Judging, Optimized, Options, 
 use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::g2o::G2oGraph;
-use covis_solvers::optimizer::{
-    self, IterationSummary, Method, SolveSummary, Termination, Tolerance,
-};
+use covis_solvers::optimizer::{IterationSummary, Method, SolveSummary, Termination, Tolerance};
 use covis_solvers::problem::PoseGraph;
 
 use super::arguments::{KERNELS, METHODS, Robust, STARTS, Shared};
@@ -32,7 +30,6 @@ use super::incremental::{self, Incremental};
 use super::report::Report;
 use super::residuals;
 use crate::cli::choices::{choice, name_of};
-use crate::cli::config::Config;
 use crate::cli::html;
 use crate::cli::output::writable;
 use crate::cli::progress::Working;
@@ -76,13 +73,8 @@ pub(super) struct Args {
     incremental: bool,
 }
 
-/// Reads, solves, writes, reports, all on the worker threads: they are there before the clock of
-/// the solve begins.
-pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
-    optimizer::with_threads(Some(config.threads), || run_on_threads(args))?
-}
-
-fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
+/// Reads, solves, writes, reports.
+pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     writable(args.shared.out.as_deref())?;
     let working = Working::new(format_args!("reading {}", args.input.display()));
     let (mut file, diagnosis) = graph_details::read(&args.input, args.repair_information)?;
