@@ -78,11 +78,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         false_share: evaluation.false_share,
         masked_share: evaluation.masked_share,
     };
-    if let Some(path) = &args.report.path {
-        html::write(path, page(&frames, &evaluation))?;
-    }
+    args.report.write(|| page(&frames, &evaluation))?;
     show(args.json, &document, || table(&document, &evaluation))?;
-    html::tell(args.json, &args.report)
+    args.report.tell(args.json)
 }
 
 /// The page: the figures of the table, and each frame's.
@@ -91,7 +89,7 @@ fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
         ("frames", count(frames.len())),
         ("frames with something that moves", count(evaluation.iou.count)),
     ];
-    let mut page = html::page("Masks of what moves", &html::facts(&facts));
+    let mut page = html::page("Masks of what moves", &facts);
     let row = |name: &str, s: &Statistics| {
         let figures = [s.mean, s.median, s.min, s.max].map(number);
         std::iter::once(name.to_owned()).chain(figures).collect::<Vec<_>>()

@@ -154,11 +154,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let result = result
         .with_context(|| format!("{} and {}", files.truth.display(), files.estimate.display()))?;
     let poses = (truth.len(), estimate.len());
-    if let Some(path) = &files.report.path {
-        html::write(path, page(measure, &truth, poses, &result))?;
-    }
+    files.report.write(|| page(measure, &truth, poses, &result))?;
     show(files.json, &document(measure, poses, &result), || table(measure, poses, &result))?;
-    html::tell(files.json, &files.report)
+    files.report.tell(files.json)
 }
 
 fn document(measure: Measure, poses: (usize, usize), result: &Evaluation) -> Document {
@@ -203,7 +201,7 @@ fn page(
     if let Some(first) = title.get_mut(..1) {
         first.make_ascii_uppercase();
     }
-    let mut page = html::page(&title, &html::facts(&counts));
+    let mut page = html::page(&title, &counts);
     let rows = rows(&result.translation_m).into_iter().zip(rows(&result.angle_deg));
     let rows = rows.map(|((name, translation), (_, angle))| {
         vec![name.to_owned(), number(translation), number(angle)]

@@ -16,7 +16,7 @@ use self::document::{Document, details, line, table};
 use super::choices::{Choices, choice};
 use super::config::Config;
 use super::connect::with_client;
-use super::html::{self, ReportFlag};
+use super::html::ReportFlag;
 use super::map::write_files;
 use super::output::{print, show, succeed_if};
 use super::signals::Signals;
@@ -113,11 +113,9 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
         }
         Action::Show { id, report } => {
             let job = described(&client, client.job(&id).await?).await?;
-            if let Some(path) = &report.path {
-                html::write(path, page::page(&job))?;
-            }
+            report.write(|| page::page(&job))?;
             show(json, &job, || details(&job))?;
-            html::tell(json, &report)
+            report.tell(json)
         }
         Action::Watch { id } => {
             let job = to_end(&client, &id, |job| {

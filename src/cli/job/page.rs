@@ -6,13 +6,13 @@
 use serde_json::Value;
 
 use super::document::{Document, lines};
+use crate::cli::html;
 use crate::cli::html::solve::{Iteration, cost};
-use crate::cli::html::{self, facts};
 use crate::report::{Page, Table, number};
 
 /// The page of a job.
 pub(super) fn page(job: &Document) -> Page {
-    let mut page = html::page(&format!("Job {}", job.id), &facts(&lines(job)));
+    let mut page = html::page(&format!("Job {}", job.id), &lines(job));
     let Some(report) = &job.report else {
         page.note("A job has a report once it has succeeded.");
         return page;

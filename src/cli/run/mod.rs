@@ -20,7 +20,7 @@ use fs_err as fs;
 use super::config::Config;
 use super::connect::{Embedded, connect};
 use super::formats::of_trajectories;
-use super::html::{self, ReportFlag};
+use super::html::ReportFlag;
 use super::output::{ended_by, show};
 use super::progress::Progress;
 use super::record::{FrameWriter, RunRecording};
@@ -190,12 +190,10 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     let document =
         report::document(&report, dense.as_ref().map(|dense| &dense.report).zip(mesh), signal);
     let flag = args.report_flag();
-    if let Some(path) = &flag.path {
-        let title = format!("Run of {}", args.source);
-        html::write(path, page::page(&title, &document, &report, map.as_ref()))?;
-    }
+    let title = format!("Run of {}", args.source);
+    flag.write(|| page::page(&title, &document, &report, map.as_ref()))?;
     show(args.json, &document, || report::table(&document, &args.out))?;
-    html::tell(args.json, &flag)?;
+    flag.tell(args.json)?;
     match report.failure {
         Some(failure) => Err(failure).context("the session with the server ended early"),
         None => signal.map_or(Ok(()), |signal| Err(ended_by(signal))),

@@ -11,8 +11,8 @@ use covis_solvers::evaluation::ObservationLengths;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 
 use super::report::{Document, Quantiles};
+use crate::cli::html;
 use crate::cli::html::solve::{Iteration, Residuals, cost, residuals};
-use crate::cli::html::{self, facts};
 use crate::client::Client;
 use crate::frontend::mapping::run::RunReport;
 use crate::report::{
@@ -93,7 +93,7 @@ pub(super) fn page(
     report: &RunReport,
     map: Option<&FinalMap>,
 ) -> Page {
-    let mut page = html::page(title, &facts(&document.facts()));
+    let mut page = html::page(title, &document.facts());
     trajectory(&mut page, report, map);
     if let Some(map) = map {
         closures(&mut page, &map.closures);

@@ -192,16 +192,18 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     if let Some(out) = &shared.out {
         source.write(&solved, out)?;
     }
-    if let (Some(path), Some(start)) = (&shared.report.path, start_of_page) {
+    shared.report.write(|| {
         let title = format!("Bundle adjustment of {}", args.input.display());
         let mut page = report.page(&title, &summary.solve, &residuals, &details);
         // Images of a COLMAP model are in the order of their names, as a rule that of a camera's way.
         let is_path = matches!(source, Source::Colmap(..));
-        start.show(&solved.problem, is_path, &mut page);
-        html::write(path, page)?;
-    }
+        if let Some(start) = &start_of_page {
+            start.show(&solved.problem, is_path, &mut page);
+        }
+        page
+    })?;
     report.finish(&summary.solve, &residuals, &details)?;
-    html::tell(shared.json, &shared.report)?;
+    shared.report.tell(shared.json)?;
     Ok(summary.solve.termination)
 }
 

@@ -16,7 +16,7 @@ use covis_solvers::problem::PoseGraph;
 use serde::Serialize;
 
 use super::graph_details::Diagnosis;
-use crate::cli::html::{self, facts};
+use crate::cli::html;
 use crate::cli::output::print;
 use crate::cli::progress::Progress;
 use crate::report::{Labels, Line, Page, Role, histogram, lines};
@@ -171,7 +171,7 @@ impl Incremental {
 
     /// The page: how the cost grew with the graph, and how long steps took.
     pub(super) fn page(&self, title: &str) -> Page {
-        let mut page = html::page(title, &facts(&self.lines()));
+        let mut page = html::page(title, &self.lines());
         page.section("Steps");
         let labels = Labels {
             title: "Cost over vertices",

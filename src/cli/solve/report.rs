@@ -10,7 +10,7 @@ use covis_solvers::optimizer::{Control, IterationSummary, SolveSummary};
 use serde::Serialize;
 
 use super::residuals;
-use crate::cli::html::{self, facts, solve::Iteration};
+use crate::cli::html::{self, solve::Iteration};
 use crate::cli::output::print;
 use crate::report::Page;
 
@@ -139,7 +139,7 @@ impl Report {
         residuals: &[residuals::Row],
         details: &impl Details,
     ) -> Page {
-        let mut page = html::page(title, &facts(&self.lines(summary, residuals, details)));
+        let mut page = html::page(title, &self.lines(summary, residuals, details));
         let row = |row: &IterationSummary| Iteration {
             iteration: row.iteration,
             cost: row.cost,
