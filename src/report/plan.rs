@@ -5,9 +5,7 @@
 //! many poses shows [`MOST_POSES`] of them, of each piece the one with the largest error. The errors
 //! are the caller's.
 
-use std::fmt::Display;
-
-use super::chart::path;
+use super::chart::{LEFT, RIGHT, TOP, WIDTH, columns, path, rows};
 use super::markup::Markup;
 use super::number::number;
 use super::picture::Picture;
@@ -26,10 +24,6 @@ const MOST_DOTS: usize = 100;
 const COLORS: [&str; 7] = ["e0", "e1", "e2", "e3", "e4", "e5", "e6"];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-const WIDTH: f64 = 560.0;
-const LEFT: f64 = 66.0;
-const RIGHT: f64 = 546.0;
-const TOP: f64 = 30.0;
 const MOST_HEIGHT: f64 = 440.0;
 const LEAST_HEIGHT: f64 = 90.0;
 
@@ -184,26 +178,11 @@ impl Canvas {
 
     fn axes(&self) -> Markup {
         let (mut body, bottom) = (Markup::default(), self.bottom);
-        for (value, text) in self.x.ticks() {
-            let at = format!("{:.1}", self.x.at(value));
-            let line = format!("M{at} {TOP:.1}V{bottom:.1}");
-            body.empty("path", &[("class", &"grid"), ("d", &line)]);
-            let below = format!("{:.1}", bottom + 17.0);
-            body.element("text", &[("x", &at), ("y", &below), ("text-anchor", &"middle")], text);
-        }
-        for (value, text) in self.y.ticks() {
-            let at = self.y.at(value);
-            let line = format!("M{LEFT:.1} {at:.1}H{RIGHT:.1}");
-            body.empty("path", &[("class", &"grid"), ("d", &line)]);
-            let baseline = format!("{:.1}", at + 4.0);
-            let place: [(&'static str, &dyn Display); 3] =
-                [("x", &(LEFT - 7.0)), ("y", &baseline), ("text-anchor", &"end")];
-            body.element("text", &place, text);
-        }
+        columns(&mut body, &self.x, bottom, &format!("{:.1}", bottom + 17.0));
+        rows(&mut body, &self.y);
         let [across, along] = self.axes.map(|axis| format!("{}, m", AXES[axis]));
         let below = format!("{:.1}", bottom + 36.0);
-        let middle = (LEFT + RIGHT) / 2.0;
-        body.element("text", &[("x", &middle), ("y", &below), ("text-anchor", &"middle")], across);
+        body.label((&((LEFT + RIGHT) / 2.0), &below), "middle", across);
         body.element("text", &[("x", &4), ("y", &(TOP - 13.0))], along);
         body
     }
@@ -224,7 +203,7 @@ impl Canvas {
             }
         }
         if !data.is_empty() {
-            body.empty("path", &[("class", &"dots"), ("d", &data)]);
+            body.path("dots", &data);
         }
     }
 
@@ -232,8 +211,7 @@ impl Canvas {
         let kept = thin(positions.len(), MOST_POSES, |_| 0.0);
         let inside =
             kept.iter().map(|&k| &positions[k]).filter(|p| p.iter().all(|v| v.is_finite()));
-        let data = path(inside.map(|position| self.at(position)));
-        body.empty("path", &[("class", &"line reference"), ("d", &data)]);
+        body.path("line reference", &path(inside.map(|position| self.at(position))));
     }
 
     /// The path, piece by piece of one color. Gives the error of the last color.
@@ -259,8 +237,7 @@ impl Canvas {
                     .map(|(x, y)| format!("M{x:.1} {y:.1}h0"))
                     .collect();
                 if !data.is_empty() {
-                    let class = format!("error dot {name}");
-                    body.empty("path", &[("class", &class), ("d", &data)]);
+                    body.path(&format!("error dot {name}"), &data);
                 }
             }
             return worst;
@@ -278,7 +255,7 @@ impl Canvas {
             } else {
                 format!("error {}", COLORS[class])
             };
-            body.empty("path", &[("class", &class), ("d", &data)]);
+            body.path(&class, &data);
             start = end;
         }
         worst
@@ -299,10 +276,10 @@ impl Canvas {
                 dots.push_str(&format!("M{x:.1} {y:.1}h0"));
             }
             if !data.is_empty() {
-                body.empty("path", &[("class", &line), ("d", &data)]);
+                body.path(line, &data);
             }
             if !dots.is_empty() && kept.len() <= MOST_DOTS {
-                body.empty("path", &[("class", &dot), ("d", &dots)]);
+                body.path(dot, &dots);
             }
         }
     }
@@ -317,8 +294,7 @@ impl Canvas {
         let mut x = LEFT;
         for name in COLORS {
             let line = format!("M{:.1} {y:.1}h{:.1}", x + 2.0, SWATCH - 4.0);
-            let class = format!("error dot {name}");
-            body.empty("path", &[("class", &class), ("d", &line)]);
+            body.path(&format!("error dot {name}"), &line);
             x += SWATCH;
         }
         let (middle, baseline) = (format!("{:.1}", x + 10.0), format!("{:.1}", y + 4.0));

@@ -104,16 +104,12 @@ fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
     let head = ["figure", "mean", "median", "least", "most"];
     page.table(&Table::new("Over all frames", &head, rows));
     page.section("Frames");
-    let line = |name: Option<&str>, role, of: &dyn Fn(&MaskOverlap) -> Option<f64>| Line {
-        name: name.map(str::to_owned),
-        role,
-        points: frames
-            .iter()
-            .enumerate()
-            .filter_map(|(k, frame)| Some((k as f64, of(frame)?)))
-            .collect(),
-        marked: Vec::new(),
+    let line = |of: &dyn Fn(&MaskOverlap) -> Option<f64>| {
+        let all = frames.iter().enumerate();
+        let points = all.filter_map(|(k, frame)| Some((k as f64, of(frame)?))).collect();
+        Line { points, ..Line::default() }
     };
+    let named = |name: &str, role, line: Line| Line { name: Some(name.to_owned()), role, ..line };
     let iou = Labels {
         title: "Intersection over union",
         description: "Of each frame whose truth covers enough of it.",
@@ -130,13 +126,10 @@ fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
     let truth = |frame: &MaskOverlap| Some(100.0 * frame.coverage());
     let masked = |frame: &MaskOverlap| Some(100.0 * frame.masked_share());
     let both = [
-        line(Some("truth"), Role::Reference, &truth),
-        line(Some("estimate"), Role::After, &masked),
+        named("truth", Role::Reference, line(&truth)),
+        named("estimate", Role::After, line(&masked)),
     ];
-    page.row(
-        &[lines(iou, false, &[line(None, Role::After, &covered)]), lines(shares, false, &both)],
-        &[],
-    );
+    page.row(&[lines(iou, false, &[line(&covered)]), lines(shares, false, &both)], &[]);
     page
 }
 

@@ -4,7 +4,7 @@
 use covis_solvers::io::trajectory::Trajectory;
 
 use crate::evaluation::PoseError;
-use crate::report::{Labels, Line, Page, Plan, Role, Table, histogram, lines, quantiles, views};
+use crate::report::{Labels, Line, Page, Plan, Table, histogram, lines, quantiles, views};
 
 /// Positions of a trajectory, m.
 pub(in crate::cli) fn positions(trajectory: &Trajectory) -> Vec<[f64; 3]> {
@@ -50,10 +50,8 @@ pub(in crate::cli) fn errors(
     page.section("Errors over time");
     let start = errors.first().map_or(0.0, |e| e.timestamp_s);
     let over_time = |values: &[f64]| Line {
-        name: None,
-        role: Role::After,
         points: errors.iter().map(|e| e.timestamp_s - start).zip(values.iter().copied()).collect(),
-        marked: Vec::new(),
+        ..Line::default()
     };
     let labels = |title, description, y| Labels { title, description, x: "time, s", y };
     let translation = labels("Translation error", "Its length over time.", "m");

@@ -19,7 +19,7 @@ use super::graph_details::Diagnosis;
 use crate::cli::html;
 use crate::cli::output::print;
 use crate::cli::progress::Progress;
-use crate::report::{Labels, Line, Page, Role, histogram, lines};
+use crate::report::{Labels, Line, Page, histogram, lines};
 
 /// A row every so many steps.
 const ROW_EVERY: usize = 100;
@@ -180,7 +180,7 @@ impl Incremental {
             y: "cost",
         };
         let points = self.iterations.iter().map(|row| (row.iteration as f64, row.cost)).collect();
-        let line = Line { name: None, role: Role::After, points, marked: Vec::new() };
+        let line = Line { points, ..Line::default() };
         let times = Labels {
             title: "Time of a step",
             description: "Share of the steps, %, over the time that they took, ms.",
