@@ -12,29 +12,26 @@
 //! | `schemas` | generated from `proto/foxglove` and `proto/covis/recording` |
 //!
 //! Times of a recording are capture times, never this machine's: the map of a robot of yesterday plays as the
-//! robot drove, and a map that does not change gives the same bytes each time. Built with the feature `mcap`.
+//! robot drove, and a map that does not change gives the same bytes each time. Without the feature `mcap`
+//! there is no sink, and nothing is recorded.
 
-#[cfg(not(feature = "mcap"))]
-mod lacking;
-#[cfg(feature = "mcap")]
 mod of_run;
-#[cfg(feature = "mcap")]
 mod recorder;
-#[cfg(feature = "mcap")]
 mod scene;
-#[cfg(feature = "mcap")]
 mod schemas;
-#[cfg(feature = "mcap")]
+#[cfg_attr(not(feature = "mcap"), path = "no_sink.rs")]
 mod sink;
-#[cfg(feature = "mcap")]
 mod surface;
 
 use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Context;
 
 use super::config::Config;
-#[cfg(not(feature = "mcap"))]
-pub(super) use lacking::{FrameWriter, RunRecording};
-#[cfg(feature = "mcap")]
+use super::connect::connect;
+use super::output::print;
+use super::signals::Signals;
 pub(super) use of_run::{FrameWriter, RunRecording};
 
 /// Arguments of `covis record`.
@@ -66,16 +63,9 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// Records a map.
 /// Fails for a server that is not there, a map that it does not have, and a file that cannot be written.
-#[cfg(feature = "mcap")]
 pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
-    use std::time::Duration;
-
-    use anyhow::Context;
-
-    use super::connect::connect;
-    use super::output::print;
-    use super::signals::Signals;
-
+    sink::available()
+        .with_context(|| format!("{} cannot be recorded to {}", args.map, args.out.display()))?;
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
     runtime.block_on(async {
         let mut signals = Signals::new().context("signals")?;
@@ -103,15 +93,3 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         print(format_args!("{written} messages in {}", args.out.display()))
     })
 }
-
-/// Says that this program cannot record.
-#[cfg(not(feature = "mcap"))]
-pub(super) fn run(args: &Args, _config: &Config) -> anyhow::Result<()> {
-    let Args { map, out, follow: _, for_s: _, every: _ } = args;
-    anyhow::bail!("{map} cannot be recorded to {}: {LACKING}", out.display())
-}
-
-/// Why a program without the feature does not record, and what to do.
-#[cfg(not(feature = "mcap"))]
-pub(super) const LACKING: &str =
-    "this covis was built without MCAP; build it with `cargo build --release --features mcap`";
