@@ -32,7 +32,7 @@ use crate::frontend::local_map::MOST_KEYFRAMES;
 use crate::frontend::mapping::run::{Companion, MOST_HELD, RunReport, Target, run as track};
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::{Dense, DenseOptions};
-use interrupt::{Interrupt, Interruptible};
+pub(super) use interrupt::Interrupt;
 use masks::{GivenMasks, SavedMasks};
 use page::FinalMap;
 pub(super) use source::{Drawing, Peeked, Recorded, Source};
@@ -231,7 +231,7 @@ pub(super) async fn sequence(
     let Some(timing) = SensorTiming::new(readout_s, depth_late_s) else {
         bail!("--readout-ms must be 0 to 100 and --depth-late-ms -100 to 100");
     };
-    let frames = Peeked::new(source)?;
+    let frames = Peeked::new(source, options.interrupt.clone())?;
     let camera = frames.frame_camera()?;
     let dense = match &options.dense {
         Some(dense) => Some((dense::start(dense, &camera, options.threads)?, dense.every)),
@@ -265,7 +265,6 @@ pub(super) async fn sequence(
         lock_step: options.lock_step,
         most_held: MOST_HELD,
     };
-    let frames = Interruptible { frames, interrupt: options.interrupt.clone() };
     let feed = dense.as_ref().map(|(thread, every)| thread.feed(*every));
     let ahead = options.threads > 1;
     let (report, companion) =
