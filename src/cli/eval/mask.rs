@@ -51,24 +51,19 @@ struct Document {
 
 /// Reads the masks of both folders, compares, prints.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let mut frames = Vec::new();
-    let (mut truth_only, mut estimate_only) = (0, 0);
-    match (&args.folders[..], args.is_static) {
+    let Compared { frames, truth_only, estimate_only } = match (&args.folders[..], args.is_static) {
         ([estimate], true) => {
-            for mask in list(estimate)? {
-                frames.push(MaskOverlap::of_static(&Mask::read(&mask.path)?.pixels));
-            }
+            let masks = list(estimate)?.into_iter().map(|mask| Mask::read(&mask.path));
+            let overlaps = masks.map(|mask| mask.map(|mask| MaskOverlap::of_static(&mask.pixels)));
+            let frames = overlaps.collect::<anyhow::Result<_>>()?;
+            Compared { frames, truth_only: 0, estimate_only: 0 }
         }
-        ([truth, estimate], false) => {
-            let compared = compare(truth, estimate)?;
-            (frames, truth_only, estimate_only) =
-                (compared.frames, compared.truth_only, compared.estimate_only);
-        }
+        ([truth, estimate], false) => compare(truth, estimate)?,
         (_, true) => bail!("--static takes the folder of the estimated masks only"),
         (_, false) => {
             bail!("two folders are needed, the truth and the estimate, or one and --static")
         }
-    }
+    };
     let evaluation = MaskEvaluation::of(&frames);
     let document = Document {
         frames: frames.len(),
