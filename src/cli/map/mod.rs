@@ -103,6 +103,17 @@ pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
     with_client(config, async |client| act(args, client).await)
 }
 
+/// The client of something, and its id.
+type Key = (String, i64);
+
+fn key(keyframe: Option<v1::KeyframeRef>) -> Option<Key> {
+    keyframe.map(|keyframe| (keyframe.client_id, keyframe.id))
+}
+
+fn named((client, id): &Key) -> String {
+    format!("{client}/{id}")
+}
+
 async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> {
     match action {
         Action::List => {
