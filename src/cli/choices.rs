@@ -10,11 +10,19 @@ pub(super) type Choices<T> = [(&'static str, T, &'static str)];
 pub(super) fn choice<T: Copy + Send + Sync + 'static>(
     all: &'static Choices<T>,
 ) -> impl TypedValueParser<Value = T> {
+    choice_of(all.iter().copied())
+}
+
+/// As [`choice`], of a list that is made.
+pub(super) fn choice_of<T: Copy + Send + Sync + 'static>(
+    all: impl Iterator<Item = (&'static str, T, &'static str)>,
+) -> impl TypedValueParser<Value = T> {
+    let all: Vec<_> = all.collect();
     let names = all.iter().map(|&(name, _, help)| match help {
         "" => PossibleValue::new(name),
         help => PossibleValue::new(name).help(help),
     });
-    PossibleValuesParser::new(names).try_map(|name| {
+    PossibleValuesParser::new(names.collect::<Vec<_>>()).try_map(move |name| {
         let found = all.iter().find(|choice| choice.0 == name);
         found.map(|choice| choice.1).ok_or("not one of the possible values")
     })

@@ -20,7 +20,7 @@ use fs_err as fs;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::formats;
+use super::formats::{self, joined};
 use super::output::show;
 use super::progress::Working;
 
@@ -257,11 +257,7 @@ fn graph_trajectory(graph: &G2oGraph) -> anyhow::Result<Trajectory> {
         }
     };
     poses.sort_unstable_by_key(|(id, _)| *id);
-    let mut trajectory = Trajectory::default();
-    for (id, pose) in poses {
-        trajectory.push(id as f64, pose);
-    }
-    Ok(trajectory)
+    Ok(joined(poses.into_iter().map(|(id, pose)| (id as f64, pose))))
 }
 
 fn in_space(pose: &Se2) -> Se3 {

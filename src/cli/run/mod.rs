@@ -6,7 +6,7 @@
 
 pub(super) mod dense;
 mod interrupt;
-mod masks;
+pub(super) mod masks;
 mod page;
 pub(super) mod report;
 mod source;
@@ -33,7 +33,7 @@ use crate::frontend::mapping::run::{Companion, MOST_HELD, RunReport, Target, run
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::{Dense, DenseOptions};
 pub(super) use interrupt::Interrupt;
-use masks::{GivenMasks, SavedMasks};
+use masks::GivenMasks;
 use page::FinalMap;
 pub(super) use source::{Drawing, Peeked, Recorded, Source};
 
@@ -251,11 +251,14 @@ pub(super) async fn sequence(
         }
         None => None,
     };
+    if let Some(folder) = &options.saved_masks {
+        fs::create_dir_all(folder)?;
+    }
     let companion = Watcher {
         frames: recording.as_ref().map(RunRecording::frames),
         progress: Progress::new("frames", frames.source.len() as u64),
         given: options.mask_dir.as_deref().map(GivenMasks::open).transpose()?,
-        saved: options.saved_masks.as_deref().map(SavedMasks::open).transpose()?,
+        saved: options.saved_masks.clone(),
         failure: None,
     };
     let target = Target {
@@ -289,7 +292,7 @@ struct Watcher {
     frames: Option<FrameWriter>,
     progress: Progress,
     given: Option<GivenMasks>,
-    saved: Option<SavedMasks>,
+    saved: Option<PathBuf>,
     /// The first thing that could not be read or written.
     failure: Option<anyhow::Error>,
 }
@@ -314,7 +317,7 @@ impl Companion for Watcher {
             tracing::warn!("{:.6} s: tracking is lost", frame.timestamp_s);
         }
         if let Some(saved) = &self.saved
-            && let Err(error) = saved.write(frame, outcome.moving.as_ref())
+            && let Err(error) = masks::save(saved, frame, outcome.moving.as_ref())
         {
             self.failure.get_or_insert(error);
         }

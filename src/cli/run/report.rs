@@ -4,11 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use covis_solvers::geometry::Se3;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde::Serialize;
 
-use super::super::formats::extension;
+use super::super::formats::{extension, joined};
 use super::super::volume::{MeshFigures, Paging};
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
@@ -179,12 +178,6 @@ pub(in crate::cli) fn write(
     joined(live).write_as(&path("trajectory_live"), format)?;
     joined(report.keyframes.iter().copied()).write_as(&path("keyframes"), format)?;
     Ok(())
-}
-
-fn joined(poses: impl Iterator<Item = (f64, Se3)>) -> Trajectory {
-    let mut trajectory = Trajectory::default();
-    poses.for_each(|(time, pose)| trajectory.push(time, pose));
-    trajectory
 }
 
 /// The figures as text.
