@@ -23,7 +23,7 @@ use crate::client::Client;
 use crate::wire::v1;
 
 pub(in crate::cli) use export::{write, write_files};
-pub(in crate::cli) use files::{Format as MapFormat, send};
+pub(in crate::cli) use files::{Files, Format as MapFormat, upload};
 
 /// Lists, shows, changes, moves and deletes the maps of a server.
 #[derive(Debug, clap::Args)]
