@@ -1,10 +1,12 @@
 //! What pages show of a solve: the cost over iterations and time, residuals before and after. Figures come
 //! from the solvers and the evaluator; only their quantiles are taken here.
 
+use serde::{Deserialize, Serialize};
+
 use crate::report::{Labels, Line, Page, Table, histogram, lines, number, quantiles};
 
-/// An iteration of a solve.
-#[derive(Clone, Copy, Debug)]
+/// An iteration of a solve, as `--json` and reports of jobs have it.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 pub(in crate::cli) struct Iteration {
     pub(in crate::cli) iteration: usize,
     pub(in crate::cli) cost: f64,

@@ -33,21 +33,11 @@ struct Document<'a, D> {
 
 #[derive(Debug, Serialize)]
 struct Row {
-    iteration: usize,
-    cost: f64,
-    seconds: f64,
-    accepted: bool,
-    damping: f64,
+    #[serde(flatten)]
+    row: Iteration,
     gradient_max_norm: f64,
     step_norm: f64,
     step_quality: f64,
-}
-
-fn head() -> String {
-    format!(
-        "{:>9}  {:>18}  {:>11}  {:>9}  {:>8}  {:>11}",
-        "iteration", "cost", "decrease", "damping", "quality", "time"
-    )
 }
 
 /// Facts about a problem that only its kind has.
@@ -78,8 +68,7 @@ impl Report {
         }
         let line = self.line(row);
         self.last_cost = row.cost;
-        let head = if row.iteration == 0 { print(head()) } else { Ok(()) };
-        match head.and_then(|()| print(line)) {
+        match print(line) {
             Ok(()) => Control::Continue,
             Err(error) => {
                 self.failure = Some(error);
@@ -92,7 +81,11 @@ impl Report {
         let time = self.shifted(row.seconds);
         if row.iteration == 0 {
             let (iteration, cost, blank) = (row.iteration, row.cost, "");
-            return format!("{iteration:>9}  {cost:>18.10e}  {blank:>33}  {time:>9.4} s");
+            return format!(
+                "{:>9}  {:>18}  {:>11}  {:>9}  {:>8}  {:>11}\n\
+                 {iteration:>9}  {cost:>18.10e}  {blank:>33}  {time:>9.4} s",
+                "iteration", "cost", "decrease", "damping", "quality", "time"
+            );
         }
         let decrease = if row.accepted {
             format!("{:.3e}", self.last_cost - row.cost)
@@ -140,14 +133,8 @@ impl Report {
         details: &impl Details,
     ) -> Page {
         let mut page = html::page(title, &self.lines(summary, residuals, details));
-        let row = |row: &IterationSummary| Iteration {
-            iteration: row.iteration,
-            cost: row.cost,
-            seconds: self.shifted(row.seconds),
-            accepted: row.accepted,
-            damping: row.damping,
-        };
-        html::solve::cost(&mut page, &summary.iterations.iter().map(row).collect::<Vec<_>>());
+        let rows = summary.iterations.iter().map(|row| self.iteration(row));
+        html::solve::cost(&mut page, &rows.collect::<Vec<_>>());
         page
     }
 
@@ -181,11 +168,7 @@ impl Report {
         details: &'a D,
     ) -> Document<'a, D> {
         let row = |row: &IterationSummary| Row {
-            iteration: row.iteration,
-            cost: row.cost,
-            seconds: self.shifted(row.seconds),
-            accepted: row.accepted,
-            damping: row.damping,
+            row: self.iteration(row),
             gradient_max_norm: row.gradient_max_norm,
             step_norm: row.step_norm,
             step_quality: row.step_quality,
@@ -203,6 +186,11 @@ impl Report {
             residuals,
             details,
         }
+    }
+
+    fn iteration(&self, row: &IterationSummary) -> Iteration {
+        let &IterationSummary { iteration, cost, seconds, accepted, damping, .. } = row;
+        Iteration { iteration, cost, seconds: self.shifted(seconds), accepted, damping }
     }
 
     /// Seconds since the clock started, to the microsecond.
