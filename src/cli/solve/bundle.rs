@@ -22,7 +22,7 @@ use serde::Serialize;
 
 use super::arguments::{SOLVERS, Shared};
 use super::rebuild::{Rebuilt, rebuild};
-use super::report::{Details, Report};
+use super::report::{Details, Report, Solved};
 use super::residuals;
 use super::split::{self, Split};
 use crate::cli::choices::{choice, name_of};
@@ -188,13 +188,14 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
         split,
     };
     let residuals = residuals::rows(Some(&before), &bundle_cost(problem));
+    let outcome = Solved { summary: summary.solve, residuals, details };
     report.check_reader()?;
     if let Some(out) = &shared.out {
         source.write(&solved, out)?;
     }
     shared.report.write(|| {
         let title = format!("Bundle adjustment of {}", args.input.display());
-        let mut page = report.page(&title, &summary.solve, &residuals, &details);
+        let mut page = report.page(&title, &outcome);
         // Images of a COLMAP model are in the order of their names, as a rule that of a camera's way.
         let is_path = matches!(source, Source::Colmap(..));
         if let Some(start) = &start_of_page {
@@ -202,9 +203,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
         }
         page
     })?;
-    report.finish(&summary.solve, &residuals, &details)?;
+    report.finish(&outcome)?;
     shared.report.tell(shared.json)?;
-    Ok(summary.solve.termination)
+    Ok(outcome.summary.termination)
 }
 
 /// What a page shows of a problem as it stands.

@@ -28,7 +28,7 @@ use super::arguments::{KERNELS, METHODS, Robust, STARTS, Shared};
 use super::graph_details::{self, CertificateDetails, Diagnosis, GraphDetails, RobustDetails};
 use super::graph_page::GraphPage;
 use super::incremental;
-use super::report::Report;
+use super::report::{Report, Solved};
 use super::residuals;
 use crate::cli::choices::{choice, name_of};
 use crate::cli::output::writable;
@@ -114,7 +114,7 @@ impl Run<'_> {
     fn solve<G: GraphPose<D, N>, const D: usize, const N: usize>(
         &self,
         mut graph: PoseGraph<G, N>,
-        diagnosis: Diagnosis,
+        mut diagnosis: Diagnosis,
         write: impl FnOnce(&PoseGraph<G, N>, &Path) -> Result<(), IoError>,
     ) -> anyhow::Result<Termination> {
         let shared = &self.args.shared;
@@ -160,7 +160,8 @@ impl Run<'_> {
         // Of all edges, those that are judged false included: their share shows.
         let residuals = residuals::rows(None, &pose_graph_cost(graph));
         let verdicts = judged.as_ref().map_or(&[][..], |judged| &judged.closures).to_vec();
-        let mut details = GraphDetails {
+        diagnosis.of_solution(graph).with_context(|| self.name())?;
+        let details = GraphDetails {
             problem: "pose-graph",
             group: self.group,
             method: name_of(METHODS, &self.args.method),
@@ -175,17 +176,17 @@ impl Run<'_> {
             edges: graph.edges.len(),
             diagnosis,
         };
-        details.diagnosis.of_solution(graph).with_context(|| self.name())?;
+        let outcome = Solved { summary, residuals, details };
         report.check_reader()?;
         shared.out.as_deref().map_or(Ok(()), |out| write(graph, out))?;
         shared.report.write(|| {
-            let mut page = report.page(&title, &summary, &residuals, &details);
+            let mut page = report.page(&title, &outcome);
             GraphPage::of(graph).show(given.as_ref(), graph, &verdicts, &mut page);
             page
         })?;
-        report.finish(&summary, &residuals, &details)?;
+        report.finish(&outcome)?;
         shared.report.tell(shared.json)?;
-        Ok(summary.termination)
+        Ok(outcome.summary.termination)
     }
 
     fn name(&self) -> String {

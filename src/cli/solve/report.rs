@@ -4,6 +4,7 @@
 //! microsecond. Row 0 is the unmodified start; a rejected step repeats the cost before it. Only the
 //! decrease of the cost from row to row is computed here.
 
+use std::fmt::Display;
 use std::time::Duration;
 
 use covis_solvers::optimizer::{Control, IterationSummary, SolveSummary};
@@ -46,6 +47,13 @@ pub(super) trait Details: Serialize {
     fn lines(&self) -> Vec<(&'static str, String)>;
 }
 
+/// What a solve came to.
+pub(super) struct Solved<D> {
+    pub(super) summary: SolveSummary,
+    pub(super) residuals: Vec<residuals::Row>,
+    pub(super) details: D,
+}
+
 /// Reports one solve, row by row.
 #[derive(Debug)]
 pub(super) struct Report {
@@ -68,13 +76,7 @@ impl Report {
         }
         let line = self.line(row);
         self.last_cost = row.cost;
-        match print(line) {
-            Ok(()) => Control::Continue,
-            Err(error) => {
-                self.failure = Some(error);
-                Control::Cancel
-            }
-        }
+        print_or_cancel(line, &mut self.failure)
     }
 
     fn line(&self, row: &IterationSummary) -> String {
@@ -108,43 +110,28 @@ impl Report {
 
     /// Writes the summary or the JSON object.
     /// Fails where standard output cannot be written to.
-    pub(super) fn finish(
-        self,
-        summary: &SolveSummary,
-        residuals: &[residuals::Row],
-        details: &impl Details,
-    ) -> anyhow::Result<()> {
+    pub(super) fn finish(self, solved: &Solved<impl Details>) -> anyhow::Result<()> {
         if self.json {
-            let document = self.document(summary, residuals, details);
+            let document = self.document(solved);
             return print(serde_json::to_string(&document)?);
         }
-        for (name, value) in self.lines(summary, residuals, details) {
+        for (name, value) in self.lines(solved) {
             print(format_args!("{name:>17}: {value}"))?;
         }
         Ok(())
     }
 
     /// A page with the summary and the cost; the caller adds what it knows of its problem.
-    pub(super) fn page(
-        &self,
-        title: &str,
-        summary: &SolveSummary,
-        residuals: &[residuals::Row],
-        details: &impl Details,
-    ) -> Page {
-        let mut page = html::page(title, &self.lines(summary, residuals, details));
-        let rows = summary.iterations.iter().map(|row| self.iteration(row));
+    pub(super) fn page(&self, title: &str, solved: &Solved<impl Details>) -> Page {
+        let mut page = html::page(title, &self.lines(solved));
+        let rows = solved.summary.iterations.iter().map(|row| self.iteration(row));
         html::solve::cost(&mut page, &rows.collect::<Vec<_>>());
         page
     }
 
     /// Lines `name value`: the outcome, what is special to the problem, the residuals.
-    fn lines(
-        &self,
-        summary: &SolveSummary,
-        residuals: &[residuals::Row],
-        details: &impl Details,
-    ) -> Vec<(&'static str, String)> {
+    fn lines(&self, solved: &Solved<impl Details>) -> Vec<(&'static str, String)> {
+        let Solved { summary, residuals, details } = solved;
         let count = summary.iterations.len().saturating_sub(1);
         let accepted = summary.iterations.iter().skip(1).filter(|row| row.accepted).count();
         let seconds = self.shifted(summary.solve_seconds);
@@ -161,12 +148,8 @@ impl Report {
         lines
     }
 
-    fn document<'a, D>(
-        &self,
-        summary: &SolveSummary,
-        residuals: &'a [residuals::Row],
-        details: &'a D,
-    ) -> Document<'a, D> {
+    fn document<'a, D>(&self, solved: &'a Solved<D>) -> Document<'a, D> {
+        let Solved { summary, residuals, details } = solved;
         let row = |row: &IterationSummary| Row {
             row: self.iteration(row),
             gradient_max_norm: row.gradient_max_norm,
@@ -197,4 +180,12 @@ impl Report {
     fn shifted(&self, seconds: f64) -> f64 {
         ((self.preparation.as_secs_f64() + seconds) * 1e6).round() / 1e6
     }
+}
+
+/// Prints a line of progress; where nobody reads it, notes the failure and has the solve end.
+pub(super) fn print_or_cancel(line: impl Display, failure: &mut Option<anyhow::Error>) -> Control {
+    if let Err(error) = print(line) {
+        *failure = Some(error);
+    }
+    if failure.is_some() { Control::Cancel } else { Control::Continue }
 }
