@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow, bail, ensure};
+use anyhow::{Context, bail, ensure};
 use covis_solvers::geometry::{Se2, Se3, So3};
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
@@ -202,16 +202,6 @@ impl Input {
 }
 
 fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<()> {
-    let refuse = || {
-        let (has, wanted) = (from.entry(), to.entry());
-        anyhow!(
-            "{} ({}) is not made of {} ({})",
-            wanted.name,
-            wanted.content.name(),
-            has.name,
-            has.content.name()
-        )
-    };
     match (to, input) {
         (Format::Trajectory(format), input) => input.trajectory()?.write_as(out, format)?,
         // COLMAP's own numbers, with keypoints that have no point.
@@ -224,7 +214,11 @@ fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<
         (Format::G2o, Input::PoseGraph(graph)) => graph.write(out)?,
         (Format::Ply, input) => picture(input)?.write(out, PlyEncoding::Binary)?,
         (Format::Colmap(_) | Format::Bal | Format::Bundler, _) | (Format::G2o, _) => {
-            return Err(refuse());
+            let named = |format: Format| {
+                let entry = format.entry();
+                format!("{} ({})", entry.name, entry.content.name())
+            };
+            bail!("{} is not made of {}", named(to), named(from));
         }
     }
     Ok(())

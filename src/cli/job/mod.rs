@@ -17,7 +17,7 @@ use super::choices::{Choices, choice};
 use super::config::Config;
 use super::connect::with_client;
 use super::html::ReportFlag;
-use super::map::write_files;
+use super::map::{path_lines, write_files};
 use super::output::{print, show, succeed_if};
 use super::signals::Signals;
 use crate::client::{Client, RetryPolicy};
@@ -140,9 +140,7 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
             fs_err::create_dir_all(&out)?;
             let files = write_files(&paths, async || download.next().await, &out).await?;
             let document = serde_json::json!({ "id": id, "files": files });
-            show(json, &document, || {
-                files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join("\n")
-            })
+            show(json, &document, || path_lines(&files))
         }
     }
 }

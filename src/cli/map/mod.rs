@@ -18,11 +18,11 @@ use self::document::{Document, details, table};
 use self::files::{Format, ImportArgs};
 use super::config::Config;
 use super::connect::with_client;
-use super::output::{print, show};
+use super::output::show;
 use crate::client::Client;
 use crate::wire::v1;
 
-pub(in crate::cli) use export::{write, write_files};
+pub(in crate::cli) use export::{path_lines, write, write_files};
 pub(in crate::cli) use files::{Files, Format as MapFormat, upload};
 
 /// Lists, shows, changes, moves and deletes the maps of a server.
@@ -132,8 +132,8 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
         Action::Unfreeze { name } => set_frozen(&client, name, false, json).await,
         Action::Delete { name } => {
             client.delete_map(&name).await?;
-            let document = || serde_json::json!({ "map": name, "deleted": true }).to_string();
-            print(if json { document() } else { format!("map {name} is deleted") })
+            let document = serde_json::json!({ "map": name, "deleted": true });
+            show(json, &document, || format!("map {name} is deleted"))
         }
         Action::Export { name, format, out } => {
             export::export(&client, name, format, &out, json).await

@@ -107,7 +107,7 @@ pub(super) fn page(
             &[Residuals { name: "pixels on the final map", unit: "px", before: None, after }],
         );
     }
-    times(&mut page, report, document.stages());
+    times(&mut page, report, &document.stages);
     page
 }
 

@@ -45,7 +45,8 @@ pub(super) struct Document {
     /// The signal that ended the run before the last frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     interrupted_by: Option<&'static str>,
-    stages: BTreeMap<&'static str, Quantiles>,
+    /// Durations by stage.
+    pub(super) stages: BTreeMap<&'static str, Quantiles>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh: Option<MeshFigures>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -104,11 +105,6 @@ impl Document {
             facts.push(("mesh", format!("{vertices} vertices, {triangles} triangles")));
         }
         facts
-    }
-
-    /// Durations by stage.
-    pub(super) fn stages(&self) -> &BTreeMap<&'static str, Quantiles> {
-        &self.stages
     }
 }
 
