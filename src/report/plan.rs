@@ -73,9 +73,8 @@ pub fn views(plan: &Plan<'_>) -> Vec<Picture> {
     let [longest, middle, up] = axes;
     let (across, along) = (longest.min(middle), longest.max(middle));
     let bounds = [0, 1, 2].map(|axis| bounds(ranges[axis], extents[longest]));
-    let view = |kind: &str, axes: [usize; 2]| {
-        View { plan, axes, bounds: axes.map(|a| bounds[a]) }.draw(kind)
-    };
+    let view =
+        |kind: &str, axes: [usize; 2]| Canvas::new(axes, axes.map(|a| bounds[a])).draw(plan, kind);
     let from_above = view("from above", [across, along]);
     if extents[up] <= 1e-9 * extents[longest].max(1e-300) {
         vec![from_above]
@@ -95,17 +94,16 @@ fn bounds((low, high): (f64, f64), longest: f64) -> (f64, f64) {
     (middle - width / 2.0, middle + width / 2.0)
 }
 
-/// One picture.
-struct View<'a> {
-    plan: &'a Plan<'a>,
+/// Scales of one picture and what is drawn with them.
+struct Canvas {
+    x: Scale,
+    y: Scale,
     axes: [usize; 2],
-    bounds: [(f64, f64); 2],
+    bottom: f64,
 }
 
-impl View<'_> {
-    fn draw(&self, kind: &str) -> Picture {
-        let plan = self.plan;
-        let [(left, right), (low, high)] = self.bounds;
+impl Canvas {
+    fn new(axes: [usize; 2], [(left, right), (low, high)]: [(f64, f64); 2]) -> Self {
         let (wide, tall) = (right - left, high - low);
         // One scale: what is too tall for its width gets less of the width.
         let scale = ((RIGHT - LEFT) / wide).min(MOST_HEIGHT / tall);
@@ -113,34 +111,30 @@ impl View<'_> {
         let middle = (LEFT + RIGHT) / 2.0;
         let bottom = TOP + height;
         let half = (RIGHT - LEFT) / 2.0 / scale;
-        let x = Scale::new(
-            Kind::Linear,
-            (left.midpoint(right) - half, left.midpoint(right) + half),
-            (middle - half * scale, middle + half * scale),
-        );
-        let up = height / scale / 2.0;
-        let y = Scale::new(
-            Kind::Linear,
-            (low.midpoint(high) - up, low.midpoint(high) + up),
-            (bottom, TOP),
-        );
-        let canvas = Canvas { x, y, axes: self.axes, bottom };
-        let mut body = canvas.axes();
-        canvas.points(plan.points, &mut body);
-        if let Some((_, reference)) = plan.reference {
-            canvas.line(reference, &mut body);
-        }
-        let worst = canvas.path(plan, &mut body);
-        canvas.links(plan.links, &mut body);
-        canvas.legend(plan, worst, &mut body);
-        let title = format!("{} {kind}", plan.name);
-        let description = self.description(worst);
-        Picture::new(&title, &description, (WIDTH, bottom + 76.0), body)
+        let around = |middle: f64, half: f64| (middle - half, middle + half);
+        let values = around(left.midpoint(right), half);
+        let x = Scale::new(Kind::Linear, values, around(middle, half * scale));
+        let values = around(low.midpoint(high), height / scale / 2.0);
+        let y = Scale::new(Kind::Linear, values, (bottom, TOP));
+        Self { x, y, axes, bottom }
     }
 
-    fn description(&self, worst: f64) -> String {
+    fn draw(&self, plan: &Plan<'_>, kind: &str) -> Picture {
+        let mut body = self.axes();
+        self.points(plan.points, &mut body);
+        if let Some((_, reference)) = plan.reference {
+            self.line(reference, &mut body);
+        }
+        let worst = self.path(plan, &mut body);
+        self.links(plan.links, &mut body);
+        self.legend(plan, worst, &mut body);
+        let title = format!("{} {kind}", plan.name);
+        let description = self.description(plan, worst);
+        Picture::new(&title, &description, (WIDTH, self.bottom + 76.0), body)
+    }
+
+    fn description(&self, plan: &Plan<'_>, worst: f64) -> String {
         let [a, b] = self.axes.map(|axis| AXES[axis]);
-        let plan = self.plan;
         let mut text = format!(
             "{} positions over {a} and {b} in meters",
             super::number::count(plan.positions.len())
@@ -161,17 +155,7 @@ impl View<'_> {
         text.push('.');
         text
     }
-}
 
-/// Scales and what is drawn with them.
-struct Canvas {
-    x: Scale,
-    y: Scale,
-    axes: [usize; 2],
-    bottom: f64,
-}
-
-impl Canvas {
     fn at(&self, position: &[f64; 3]) -> (f64, f64) {
         (self.x.at(position[self.axes[0]]), self.y.at(position[self.axes[1]]))
     }
