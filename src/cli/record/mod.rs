@@ -28,6 +28,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 
+use super::choices::number;
 use super::config::Config;
 use super::connect::connect;
 use super::output::print;
@@ -55,10 +56,8 @@ pub(super) struct Args {
 fn seconds(text: &str) -> Result<f64, String> {
     /// A month.
     const MOST: f64 = 2.7e6;
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=MOST).contains(&value) => Ok(value),
-        Ok(_) | Err(_) => Err(format!("must be a number of seconds from 0 to {MOST}")),
-    }
+    let must = format!("must be a number of seconds from 0 to {MOST}");
+    number(text, &must, |seconds| (0.0..=MOST).contains(seconds))
 }
 
 /// Records a map.

@@ -18,6 +18,7 @@ use anyhow::{Context, anyhow, bail};
 use tokio::time::Instant;
 use tonic::Code;
 
+use super::choices::number;
 use super::config::Config;
 use super::connect::connect_patiently;
 use super::output::{print, succeed_if};
@@ -269,10 +270,7 @@ async fn optimize(client: &Client, map_id: &str) -> Result<v1::OptimizeMapResult
 
 /// Keyframes a second: above 0.
 fn rate(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(rate) if rate > 0.0 && f64::is_finite(rate) => Ok(rate),
-        _ => Err("it must be a number above 0".to_owned()),
-    }
+    number(text, "it must be a number above 0", |&rate| rate > 0.0 && f64::is_finite(rate))
 }
 
 /// Seconds, at least 0.

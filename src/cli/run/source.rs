@@ -9,6 +9,7 @@ use std::str::FromStr;
 use anyhow::{Context, bail, ensure};
 use covis_solvers::geometry::PinholeRadialTangential;
 
+use super::super::choices::number;
 use super::interrupt::Interrupt;
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::image::RgbdFrame;
@@ -64,10 +65,8 @@ pub(in crate::cli) struct Recorded {
 }
 
 fn depth_scale(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        Ok(_) | Err(_) => Err("must be a number of units a meter, finite and positive".to_owned()),
-    }
+    const MUST: &str = "must be a number of units a meter, finite and positive";
+    number(text, MUST, |scale: &f32| scale.is_finite() && *scale > 0.0)
 }
 
 /// How a synthetic scene is drawn.
