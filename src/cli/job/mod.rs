@@ -182,12 +182,6 @@ async fn follow(
     failure.into_inner().map_or(Ok(job), Err)
 }
 
-/// Prints a job with its report.
-async fn print_job(client: &Client, job: v1::Job, json: bool) -> anyhow::Result<()> {
-    let document = described(client, job).await?;
-    show(json, &document, || details(&document))
-}
-
 /// A job with the report that it made.
 async fn described(client: &Client, job: v1::Job) -> anyhow::Result<Document> {
     let has_report = job.state() == JobState::Succeeded;
