@@ -30,7 +30,7 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let serving = runtime.context("the async runtime")?.block_on(ask(config))?;
-    let server = &config.server;
+    let server = config.server();
     let document = serde_json::json!({ "server": server, "serving": serving });
     show(args.json, &document, || {
         let text = if serving { "serves" } else { "opens its maps or drains: calls are refused" };
@@ -44,6 +44,6 @@ async fn ask(config: &Config) -> anyhow::Result<bool> {
     let mut request = tonic::Request::new(HealthCheckRequest::default());
     request.set_timeout(DEADLINE);
     let answer = health.check(request).await;
-    let answer = answer.with_context(|| format!("{}: health", config.server))?.into_inner();
+    let answer = answer.with_context(|| format!("{}: health", config.server()))?.into_inner();
     Ok(answer.status() == ServingStatus::Serving)
 }

@@ -35,7 +35,7 @@ async fn work(config: &Config) -> anyhow::Result<()> {
         replication.context("a worker needs --nats: the NATS servers of its servers")?;
     let settings = WorkerConfig {
         replication,
-        threads: config.threads,
+        threads: config.threads(),
         #[cfg(feature = "faults")]
         test_fault: config.test_fault.clone(),
     };
@@ -43,7 +43,7 @@ async fn work(config: &Config) -> anyhow::Result<()> {
         worker = Worker::connect(&settings) => worker?,
         signal = signals.next() => anyhow::bail!("{signal} while starting"),
     };
-    match print(format_args!("waiting for tasks, with {} threads", config.threads)) {
+    match print(format_args!("waiting for tasks, with {} threads", config.threads())) {
         // Nobody needs to read it for the worker to be of use.
         Err(error) if !error.is::<ClosedPipe>() => return Err(error),
         Ok(()) | Err(_) => {}

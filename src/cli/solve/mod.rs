@@ -41,7 +41,7 @@ enum Problem {
 /// Solves the file and reports, all on the worker threads: they are there before the clock of the
 /// solve begins.
 pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
-    optimizer::with_threads(Some(config.threads), || {
+    optimizer::with_threads(Some(config.threads()), || {
         let termination = match args.problem {
             Problem::Bundle(args) => bundle::run(&args)?,
             Problem::BundleWorker => return split::serve(),
