@@ -32,6 +32,14 @@ pub(super) fn print(text: impl Display) -> anyhow::Result<()> {
     }
 }
 
+/// As [`print()`], of a line that nobody needs to read for the program to be of use.
+pub(super) fn announce(text: impl Display) -> anyhow::Result<()> {
+    match print(text) {
+        Err(error) if error.is::<ClosedPipe>() => Ok(()),
+        printed => printed,
+    }
+}
+
 /// Prints what a command found: as one JSON object, or as text for people.
 ///
 /// # Errors

@@ -15,7 +15,7 @@ use anyhow::Context;
 use tokio::net::TcpListener;
 
 use super::config::Config;
-use super::output::{ClosedPipe, print};
+use super::output::announce;
 use super::signals::Signals;
 use crate::service::engine::{EngineConfig, Resource};
 use crate::service::{ConnectionLimits, JwtOptions, Server, ServerConfig, TlsFiles};
@@ -66,11 +66,7 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
     let page = server.page_addr().map(|address| format!("\nthe page is at {scheme}://{address}/"));
     let page = page.unwrap_or_default();
     let address = server.local_addr();
-    match print(format_args!("listening on {scheme}://{address}\n{kept}{metrics}{page}")) {
-        // Nobody needs to read the address for the server to be of use.
-        Err(error) if !error.is::<ClosedPipe>() => return Err(error),
-        Ok(()) | Err(_) => {}
-    }
+    announce(format_args!("listening on {scheme}://{address}\n{kept}{metrics}{page}"))?;
     let signal = loop {
         tokio::select! {
             signal = signals.next() => break signal,

@@ -81,13 +81,11 @@ pub fn lines(labels: Labels<'_>, log_y: bool, lines: &[Line]) -> Picture {
     let y = Scale::new(kind, (low, high), (BOTTOM, TOP));
     let mut body = axes(&x, &y, &labels);
     for line in lines {
-        let finite: Vec<_> =
-            line.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite()).collect();
-        let kept = thin(finite.len(), MOST_POINTS, |index| finite[index].1);
-        let pixels = kept.iter().map(|&index| (x.at(finite[index].0), y.at(finite[index].1)));
+        let points = finite(&line.points);
+        let kept = thin(points.len(), MOST_POINTS, |index| points[index].1);
+        let pixels = kept.iter().map(|&index| (x.at(points[index].0), y.at(points[index].1)));
         body.path(line.role.line(), &path(pixels));
-        let marked: Vec<_> =
-            line.marked.iter().filter(|p| p.0.is_finite() && p.1.is_finite()).collect();
+        let marked = finite(&line.marked);
         for index in thin(marked.len(), MOST_POINTS, |_| 0.0) {
             let (cx, cy) = (x.at(marked[index].0), y.at(marked[index].1));
             let (cx, cy) = (format!("{cx:.1}"), format!("{cy:.1}"));
@@ -97,6 +95,10 @@ pub fn lines(labels: Labels<'_>, log_y: bool, lines: &[Line]) -> Picture {
     let named = lines.iter().filter_map(|line| Some((line.name.as_deref()?, line.role)));
     legend(&mut body, &named.collect::<Vec<_>>());
     Picture::new(labels.title, labels.description, (WIDTH, HEIGHT), body)
+}
+
+fn finite(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    points.iter().copied().filter(|p| p.0.is_finite() && p.1.is_finite()).collect()
 }
 
 /// How often each size occurs, by powers of ten: before and after, each as a share of its own count.

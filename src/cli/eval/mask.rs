@@ -231,13 +231,17 @@ fn by_names(folder: &Path) -> anyhow::Result<Vec<Listed>> {
         if path.extension().is_none_or(|extension| extension != "png") {
             continue;
         }
-        let stem = path.file_stem().and_then(|stem| stem.to_str());
-        let time_s = stem.and_then(seconds).with_context(|| {
+        let time_s = time_of_name(&path).with_context(|| {
             format!("{}: the name of a mask is its time in seconds", path.display())
         })?;
         masks.push(Listed { time_s, path });
     }
     Ok(masks)
+}
+
+/// The time that a file's name tells, seconds.
+pub(in crate::cli) fn time_of_name(path: &Path) -> Option<f64> {
+    path.file_stem().and_then(|stem| stem.to_str()).and_then(seconds)
 }
 
 fn seconds(text: &str) -> Option<f64> {

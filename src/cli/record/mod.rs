@@ -75,14 +75,10 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         let follows = args.follow || args.for_s.is_some();
         // A signal ends a recording as its time does: what was recorded is a complete file.
         let end = async {
-            match args.for_s {
-                Some(seconds) => {
-                    let pause = tokio::time::sleep(Duration::from_secs_f64(seconds));
-                    tokio::select! { () = pause => {}, _ = signals.next() => {} }
-                }
-                None => {
-                    signals.next().await;
-                }
+            let pause = Duration::from_secs_f64(args.for_s.unwrap_or_default());
+            tokio::select! {
+                () = tokio::time::sleep(pause), if args.for_s.is_some() => {}
+                _ = signals.next() => {}
             }
         };
         let written = recorder.record(&sink, follows, end).await?;

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use fs_err as fs;
 
+use super::super::eval::mask::time_of_name;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::{decode, encode};
 
@@ -31,9 +32,7 @@ impl GivenMasks {
         for entry in fs::read_dir(folder)? {
             let path = entry?.path();
             let is_png = path.extension().is_some_and(|extension| extension == "png");
-            let stem = path.file_stem().and_then(|stem| stem.to_str());
-            let time = stem.and_then(|stem| stem.parse::<f64>().ok()).filter(|t| t.is_finite());
-            if let (true, Some(time)) = (is_png, time) {
+            if let (true, Some(time)) = (is_png, time_of_name(&path)) {
                 by_time_us.insert(microseconds(time), path);
             }
         }

@@ -259,9 +259,8 @@ enum Source {
 impl Source {
     fn read(path: &Path) -> Result<Self, IoError> {
         if path.extension().is_some_and(|extension| extension == "out") {
-            return Ok(Self::Bundler(Box::new(SparseModel::from_bundler(&BundlerFile::read(
-                path,
-            )?)?)));
+            let model = SparseModel::from_bundler(&BundlerFile::read(path)?)?;
+            return Ok(Self::Bundler(Box::new(model)));
         }
         if !path.is_dir() {
             return Ok(Self::Bal(BalFile::read(path)?));

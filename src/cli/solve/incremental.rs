@@ -16,6 +16,7 @@ use covis_solvers::problem::PoseGraph;
 use serde::Serialize;
 
 use super::graph_details::Diagnosis;
+use super::report::print_lines;
 use crate::cli::html;
 use crate::cli::output::print;
 use crate::cli::progress::Progress;
@@ -163,10 +164,7 @@ impl Incremental {
         for Row { iteration, cost, seconds } in &self.iterations {
             print(format_args!("{iteration:>9}  {cost:>18.10e}  {seconds:>9.4} s"))?;
         }
-        for (name, value) in self.lines() {
-            print(format_args!("{name:>17}: {value}"))?;
-        }
-        Ok(())
+        print_lines(&self.lines())
     }
 
     /// The page: how the cost grew with the graph, and how long steps took.

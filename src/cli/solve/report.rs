@@ -115,10 +115,7 @@ impl Report {
             let document = self.document(solved);
             return print(serde_json::to_string(&document)?);
         }
-        for (name, value) in self.lines(solved) {
-            print(format_args!("{name:>17}: {value}"))?;
-        }
-        Ok(())
+        print_lines(&self.lines(solved))
     }
 
     /// A page with the summary and the cost; the caller adds what it knows of its problem.
@@ -180,6 +177,11 @@ impl Report {
     fn shifted(&self, seconds: f64) -> f64 {
         ((self.preparation.as_secs_f64() + seconds) * 1e6).round() / 1e6
     }
+}
+
+/// Prints lines `name value` under a table.
+pub(super) fn print_lines(lines: &[(&'static str, String)]) -> anyhow::Result<()> {
+    lines.iter().try_for_each(|(name, value)| print(format_args!("{name:>17}: {value}")))
 }
 
 /// Prints a line of progress; where nobody reads it, notes the failure and has the solve end.
