@@ -33,12 +33,7 @@ fn of_system(kind: ErrorKind) -> Option<String> {
 
 fn of_client(error: &ClientError) -> Option<String> {
     if let ClientError::Unreachable { url, source } = error {
-        let mut text = String::new();
-        let mut cause: Option<&dyn std::error::Error> = Some(source.as_ref());
-        while let Some(error) = cause {
-            text.push_str(&error.to_string());
-            cause = error.source();
-        }
+        let text: String = anyhow::Chain::new(source.as_ref()).map(ToString::to_string).collect();
         let is_https = url.starts_with("https:");
         let step = if is_https && text.contains("InvalidContentType") {
             "the server speaks no TLS there: its URL begins with http://"

@@ -20,7 +20,7 @@ use crate::service::{RunningServer, Server, ServerConfig};
 
 /// Connects to the server that the configuration names.
 pub(super) async fn connect(config: &Config) -> anyhow::Result<Client> {
-    Ok(Client::connect_with(&config.server, &credentials(config)?).await?)
+    Ok(Client::connect_with(config.server(), &credentials(config)?).await?)
 }
 
 /// As [`connect`], tried again for as long as `retry` allows.
@@ -29,7 +29,7 @@ pub(super) async fn connect_patiently(
     retry: RetryPolicy,
 ) -> anyhow::Result<Client> {
     let credentials = credentials(config)?;
-    Ok(retry.run(|| Client::connect_with(&config.server, &credentials)).await?)
+    Ok(retry.run(|| Client::connect_with(config.server(), &credentials)).await?)
 }
 
 /// A channel to the server that the configuration names, for services that ask for no token. Ends where
@@ -38,7 +38,7 @@ pub(super) async fn channel(config: &Config, deadline: Duration) -> anyhow::Resu
     let credentials = Credentials { token: None, ..credentials(config)? };
     let link = LinkOptions { deadline, ..LinkOptions::default() };
     // Of several servers, the first is asked.
-    let url = config.server.split(',').next().unwrap_or_default().trim();
+    let url = config.server().split(',').next().unwrap_or_default().trim();
     let connecting = connect_channel(url, &credentials, link);
     match tokio::time::timeout(deadline, connecting).await {
         Ok(channel) => Ok(channel?),

@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow, bail, ensure};
+use anyhow::{Context, bail, ensure};
 use covis_solvers::geometry::{Se2, Se3, So3};
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
@@ -20,7 +20,7 @@ use fs_err as fs;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::formats;
+use super::formats::{self, joined};
 use super::output::show;
 use super::progress::Working;
 
@@ -75,7 +75,8 @@ enum Input {
 /// Fails for what cannot be read or written, and for what the other format cannot hold.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let working = Working::new(format_args!("reading {}", args.input.display()));
-    let (from, input) = read(args)?;
+    let (from, mut input) = read(args)?;
+    take_times(args, &mut input)?;
     working.tell(format_args!("writing {}", args.output.display()));
     let content = from.entry().content;
     let told = args.to.or_else(|| Format::to_write(&args.output, content));
@@ -135,48 +136,42 @@ fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
         let model = ColmapModel::read_as(path, encoding)?;
         let bundle =
             SparseModel::from_colmap(&model).with_context(|| format!("{}", path.display()))?;
-        return with_times(args, from, Input::Bundle(Box::new(bundle), Some(model)));
+        return Ok((from, Input::Bundle(Box::new(bundle), Some(model))));
     }
     let bytes = fs::read(path)?;
     let from = told.unwrap_or_else(|| Format::of_file(path, &bytes));
+    let bundle = |model| Input::Bundle(Box::new(model), None);
     let input = match from {
         Format::Trajectory(format) => {
             Input::Trajectory(Trajectory::parse_as(&bytes, path, format)?)
         }
-        Format::Bal => {
-            let model = SparseModel::from_bal(&BalFile::parse(&bytes, path)?);
-            Input::Bundle(Box::new(model), None)
-        }
-        Format::Bundler => {
-            let model = SparseModel::from_bundler(&BundlerFile::read(path)?)?;
-            Input::Bundle(Box::new(model), None)
-        }
+        Format::Bal => bundle(SparseModel::from_bal(&BalFile::parse(&bytes, path)?)),
+        Format::Bundler => bundle(SparseModel::from_bundler(&BundlerFile::read(path)?)?),
         Format::G2o => Input::PoseGraph(G2oGraph::parse(&bytes, path)?),
         Format::Colmap(_) | Format::Ply => {
             bail!("{}: covis writes {} and does not read it", path.display(), from.entry().name)
         }
     };
-    with_times(args, from, input)
+    Ok((from, input))
 }
 
-/// The times of a file beside the trajectory, where one is given.
-fn with_times(args: &Args, from: Format, mut input: Input) -> anyhow::Result<(Format, Input)> {
-    if let Some(path) = &args.times {
-        let Input::Trajectory(trajectory) = &mut input else {
-            bail!("--times is for trajectories, and {} is none", args.input.display())
-        };
-        let times = read_times(path)?;
-        ensure!(
-            times.len() == trajectory.len(),
-            "{}: {} times, but {} has {} poses",
-            path.display(),
-            times.len(),
-            args.input.display(),
-            trajectory.len()
-        );
-        trajectory.timestamps = times;
-    }
-    Ok((from, input))
+/// Takes the times of a file beside the trajectory, where one is given.
+fn take_times(args: &Args, input: &mut Input) -> anyhow::Result<()> {
+    let Some(path) = &args.times else { return Ok(()) };
+    let Input::Trajectory(trajectory) = input else {
+        bail!("--times is for trajectories, and {} is none", args.input.display())
+    };
+    let times = read_times(path)?;
+    ensure!(
+        times.len() == trajectory.len(),
+        "{}: {} times, but {} has {} poses",
+        path.display(),
+        times.len(),
+        args.input.display(),
+        trajectory.len()
+    );
+    trajectory.timestamps = times;
+    Ok(())
 }
 
 impl Input {
@@ -202,16 +197,6 @@ impl Input {
 }
 
 fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<()> {
-    let refuse = || {
-        let (has, wanted) = (from.entry(), to.entry());
-        anyhow!(
-            "{} ({}) is not made of {} ({})",
-            wanted.name,
-            wanted.content.name(),
-            has.name,
-            has.content.name()
-        )
-    };
     match (to, input) {
         (Format::Trajectory(format), input) => input.trajectory()?.write_as(out, format)?,
         // COLMAP's own numbers, with keypoints that have no point.
@@ -224,7 +209,11 @@ fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<
         (Format::G2o, Input::PoseGraph(graph)) => graph.write(out)?,
         (Format::Ply, input) => picture(input)?.write(out, PlyEncoding::Binary)?,
         (Format::Colmap(_) | Format::Bal | Format::Bundler, _) | (Format::G2o, _) => {
-            return Err(refuse());
+            let named = |format: Format| {
+                let entry = format.entry();
+                format!("{} ({})", entry.name, entry.content.name())
+            };
+            bail!("{} is not made of {}", named(to), named(from));
         }
     }
     Ok(())
@@ -257,11 +246,7 @@ fn graph_trajectory(graph: &G2oGraph) -> anyhow::Result<Trajectory> {
         }
     };
     poses.sort_unstable_by_key(|(id, _)| *id);
-    let mut trajectory = Trajectory::default();
-    for (id, pose) in poses {
-        trajectory.push(id as f64, pose);
-    }
-    Ok(trajectory)
+    Ok(joined(poses.into_iter().map(|(id, pose)| (id as f64, pose))))
 }
 
 fn in_space(pose: &Se2) -> Se3 {

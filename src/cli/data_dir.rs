@@ -51,15 +51,8 @@ struct Document<'a, M> {
     damaged_maps: usize,
     maps: Vec<M>,
     damaged_jobs: usize,
-    jobs: Vec<CheckedJob<'a>>,
-}
-
-/// A job that was looked at, or an upload; its name is `null` where it is lost, and of an upload.
-#[derive(Debug, Serialize)]
-struct CheckedJob<'a> {
-    job: Option<&'a str>,
-    folder: &'a PathBuf,
-    damage: &'a [String],
+    /// Uploads too, which have no name.
+    jobs: &'a [JobCheckup],
 }
 
 /// A map that was looked at; `null` where its name is lost, or where no snapshot opens.
@@ -100,19 +93,19 @@ pub(super) fn doctor(args: &DoctorArgs) -> anyhow::Result<()> {
     let working = Working::new(format_args!("looking at {}", args.data_dir.display()));
     let checkups = check_up(&args.data_dir, args.repair)
         .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
-    let looked = check_up_jobs(&args.data_dir)
+    let jobs = &check_up_jobs(&args.data_dir)
         .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
     drop(working);
     let damaged_maps = damaged(&checkups);
     let maps = checkups.iter().map(checked).collect();
-    let (damaged_jobs, jobs) = checked_jobs(&looked);
+    let damaged_jobs = damaged_jobs(jobs).count();
     let data_dir = Some(&args.data_dir);
     let document = Document { data_dir, copy: None, damaged_maps, maps, damaged_jobs, jobs };
     show(args.json, &document, || {
         let mut lines: Vec<String> = checkups.iter().flat_map(describe).collect();
-        lines.extend(describe_jobs(&looked));
+        lines.extend(describe_jobs(jobs));
         lines.push(format!("{} maps, {damaged_maps} of them damaged", checkups.len()));
-        lines.push(format!("{} jobs, {damaged_jobs} of them damaged", looked.len()));
+        lines.push(format!("{} jobs, {damaged_jobs} of them damaged", jobs.len()));
         lines.join("\n")
     })?;
     succeed_if(damaged_maps + damaged_jobs == 0)
@@ -133,9 +126,9 @@ pub(super) fn backup(args: &BackupArgs) -> anyhow::Result<()> {
         damage: complaints(checkup).collect(),
     });
     let maps = maps.collect();
-    let looked = check_up_jobs(&args.copy)
+    let jobs = &check_up_jobs(&args.copy)
         .with_context(|| format!("cannot look at {}", args.copy.display()))?;
-    let (damaged_jobs, jobs) = checked_jobs(&looked);
+    let damaged_jobs = damaged_jobs(jobs).count();
     let copy = Some(&args.copy);
     let document = Document { data_dir: None, copy, damaged_maps, maps, damaged_jobs, jobs };
     show(args.json, &document, || {
@@ -145,9 +138,9 @@ pub(super) fn backup(args: &BackupArgs) -> anyhow::Result<()> {
             lines.extend(complaints(checkup).map(|damage| format!("  {damage}")));
         }
         let (count, copy) = (checkups.len(), args.copy.display());
-        lines.extend(describe_jobs(&looked));
+        lines.extend(describe_jobs(jobs));
         lines.push(format!("{count} maps copied to {copy}, {damaged_maps} of them damaged"));
-        let count = looked.len();
+        let count = jobs.len();
         lines.push(format!("{count} jobs copied to {copy}, {damaged_jobs} of them damaged"));
         lines.join("\n")
     })?;
@@ -168,20 +161,13 @@ fn damaged(checkups: &[MapCheckup]) -> usize {
     checkups.iter().filter(|checkup| checkup.is_damaged()).count()
 }
 
-/// Jobs in `--json`, and how many of them are damaged.
-fn checked_jobs(looked: &[JobCheckup]) -> (usize, Vec<CheckedJob<'_>>) {
-    let damaged = looked.iter().filter(|job| !job.damage.is_empty()).count();
-    let checked = looked.iter().map(|job| CheckedJob {
-        job: job.job.as_deref(),
-        folder: &job.folder,
-        damage: &job.damage,
-    });
-    (damaged, checked.collect())
+fn damaged_jobs(jobs: &[JobCheckup]) -> impl Iterator<Item = &JobCheckup> {
+    jobs.iter().filter(|job| !job.damage.is_empty())
 }
 
 /// What is damaged of jobs, a line a job and a file.
-fn describe_jobs(looked: &[JobCheckup]) -> impl Iterator<Item = String> {
-    looked.iter().filter(|job| !job.damage.is_empty()).flat_map(|job| {
+fn describe_jobs(jobs: &[JobCheckup]) -> impl Iterator<Item = String> {
+    damaged_jobs(jobs).flat_map(|job| {
         let name = job.job.as_deref().unwrap_or("(a job without a name)");
         let first = format!("job {name} in {}", job.folder.display());
         std::iter::once(first).chain(job.damage.iter().map(|damage| format!("  {damage}")))

@@ -15,7 +15,9 @@ use fs_err as fs;
 
 use super::config::Config;
 use super::connect::Embedded;
+use super::formats::joined;
 use super::output::print;
+use super::run::masks::microseconds;
 use super::run::{self, RunOptions, Source, report};
 use crate::client::Client;
 use crate::evaluation::ape;
@@ -149,24 +151,15 @@ async fn on_people(client: &Client, map: &str, sequence: &Sequence) -> anyhow::R
     Ok(on_people as f64 / all.max(1) as f64)
 }
 
-fn microseconds(seconds: f64) -> i64 {
-    (seconds * 1e6).round() as i64
-}
-
 /// Where the camera was.
 fn truth(sequence: &Sequence) -> Trajectory {
-    let mut truth = Trajectory::default();
-    for index in 0..sequence.len() {
-        truth.push(sequence.timestamp_s(index), sequence.world_from_camera(index));
-    }
-    truth
+    let pose = |index| (sequence.timestamp_s(index), sequence.world_from_camera(index));
+    joined((0..sequence.len()).map(pose))
 }
 
 /// Where tracking alone says that the camera was: no loop moved it.
 fn odometry(run: &RunReport) -> Trajectory {
-    let mut odometry = Trajectory::default();
-    run.live.iter().for_each(|frame| odometry.push(frame.timestamp_s, frame.odom_from_camera));
-    odometry
+    joined(run.live.iter().map(|frame| (frame.timestamp_s, frame.odom_from_camera)))
 }
 
 /// Both runs, side by side.

@@ -5,39 +5,32 @@
 use std::path::Path;
 
 use anyhow::{anyhow, bail};
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
+use covis_solvers::geometry::Se3;
 use covis_solvers::io::IoError;
-use covis_solvers::io::format::{Content, Entry, FORMATS, Format};
+use covis_solvers::io::format::{Content, FORMATS, Format};
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use fs_err as fs;
 
+use super::choices::choice_of;
+
 /// Takes one of the formats that are read.
 pub(super) fn readable() -> impl TypedValueParser<Value = Format> {
-    parser(|entry| entry.is_read)
+    let readable = FORMATS.iter().filter(|entry| entry.is_read);
+    choice_of(readable.map(|entry| (entry.name, entry.format, entry.title)))
 }
 
 /// Takes one of the formats that are written: all.
 pub(super) fn writable() -> impl TypedValueParser<Value = Format> {
-    parser(|_| true)
+    choice_of(FORMATS.iter().map(|entry| (entry.name, entry.format, entry.title)))
 }
 
 /// Takes one of the formats of trajectories.
 pub(super) fn of_trajectories() -> impl TypedValueParser<Value = TrajectoryFormat> {
-    parser(|entry| entry.content == Content::Trajectory).try_map(|format| match format {
-        Format::Trajectory(format) => Ok(format),
-        Format::Bal | Format::Bundler | Format::Colmap(_) | Format::G2o | Format::Ply => {
-            Err("not a format of trajectories")
-        }
-    })
-}
-
-fn parser(is_taken: fn(&Entry) -> bool) -> impl TypedValueParser<Value = Format> {
-    let taken = FORMATS.iter().filter(move |entry| is_taken(entry));
-    let names = taken.map(|entry| PossibleValue::new(entry.name).help(entry.title));
-    PossibleValuesParser::new(names).try_map(|name| {
-        let found = FORMATS.iter().find(|entry| entry.name == name);
-        found.map(|entry| entry.format).ok_or("not one of the possible values")
-    })
+    choice_of(FORMATS.iter().filter_map(|entry| {
+        let Format::Trajectory(format) = entry.format else { return None };
+        Some((entry.name, format, entry.title))
+    }))
 }
 
 /// Reads a trajectory in the given format, else in the one that its name or first line tells; says
@@ -95,6 +88,13 @@ pub(super) fn with_kind(error: IoError, path: &Path, wanted: Content) -> anyhow:
         entry.title,
         entry.name
     )
+}
+
+/// The trajectory of times, seconds, and poses.
+pub(super) fn joined(poses: impl Iterator<Item = (f64, Se3)>) -> Trajectory {
+    let mut trajectory = Trajectory::default();
+    poses.for_each(|(time, pose)| trajectory.push(time, pose));
+    trajectory
 }
 
 /// The usual extension of a format's files.

@@ -15,7 +15,7 @@ use super::eval::truth;
 use super::output::show;
 use super::progress::Progress;
 use super::run::report::Quantiles;
-use super::run::{Drawing, Peeked, Recorded, Source};
+use super::run::{Drawing, Interrupt, Peeked, Recorded, Source};
 use super::volume::{Measures, MeshFigures, Paging, write_surface};
 use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
 use crate::frontend::dense::paged::PagedVolume;
@@ -129,7 +129,7 @@ fn fuse(args: &Args) -> anyhow::Result<()> {
     fs::create_dir_all(&args.out)?;
     let poses = PoseTrack::new(&truth::read_timed(&args.poses)?);
     let source = args.source.clone().with(args.drawing);
-    let mut frames = Peeked::new(source.open(&args.recorded)?)?;
+    let mut frames = Peeked::new(source.open(&args.recorded)?, Interrupt::default())?;
     let camera = frames.frame_camera()?;
     let integration =
         IntegrationOptions { max_depth_m: args.max_depth, ..IntegrationOptions::default() };

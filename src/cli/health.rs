@@ -6,7 +6,6 @@
 use std::time::Duration;
 
 use anyhow::Context;
-use serde::Serialize;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
@@ -26,20 +25,14 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// The object of `--json`.
-#[derive(Debug, Serialize)]
-struct Document<'a> {
-    server: &'a str,
-    serving: bool,
-}
-
 /// Asks, prints the answer; the exit code is 0 if the server serves.
 /// Fails for a server that is not there.
 pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let serving = runtime.context("the async runtime")?.block_on(ask(config))?;
-    let server = &config.server;
-    show(args.json, &Document { server, serving }, || {
+    let server = config.server();
+    let document = serde_json::json!({ "server": server, "serving": serving });
+    show(args.json, &document, || {
         let text = if serving { "serves" } else { "opens its maps or drains: calls are refused" };
         format!("{server} {text}")
     })?;
@@ -51,6 +44,6 @@ async fn ask(config: &Config) -> anyhow::Result<bool> {
     let mut request = tonic::Request::new(HealthCheckRequest::default());
     request.set_timeout(DEADLINE);
     let answer = health.check(request).await;
-    let answer = answer.with_context(|| format!("{}: health", config.server))?.into_inner();
+    let answer = answer.with_context(|| format!("{}: health", config.server()))?.into_inner();
     Ok(answer.status() == ServingStatus::Serving)
 }

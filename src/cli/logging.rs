@@ -21,13 +21,13 @@ use super::spans::Exporter;
 /// is left. A second call in one process changes nothing. Fails where the filter is not a list of
 /// directives, or the collector's URL is none.
 pub(super) fn start(config: &Config, collector: Option<&str>) -> anyhow::Result<Option<Exporter>> {
-    let directives = match config.log.as_str() {
+    let log = config.log.as_deref().unwrap_or("info");
+    let directives = match log {
         "" => "audit=info".to_owned(),
         given => format!("audit=info,{given}"),
     };
     // Levels by target; a filter that also looks at spans and fields would bring a regex engine.
-    let filter: Targets =
-        directives.parse().with_context(|| anyhow!("log filter `{}`", config.log))?;
+    let filter: Targets = directives.parse().with_context(|| anyhow!("log filter `{log}`"))?;
     let lines = tracing_subscriber::fmt::layer().with_writer(stderr);
     let lines = match config.log_format {
         LogFormat::Text => lines.with_ansi(stderr().is_terminal()).boxed(),

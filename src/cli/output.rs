@@ -32,6 +32,14 @@ pub(super) fn print(text: impl Display) -> anyhow::Result<()> {
     }
 }
 
+/// As [`print()`], of a line that nobody needs to read for the program to be of use.
+pub(super) fn announce(text: impl Display) -> anyhow::Result<()> {
+    match print(text) {
+        Err(error) if error.is::<ClosedPipe>() => Ok(()),
+        printed => printed,
+    }
+}
+
 /// Prints what a command found: as one JSON object, or as text for people.
 ///
 /// # Errors
@@ -44,9 +52,12 @@ pub(super) fn show<T: Display>(
     if json { print(serde_json::to_string(document)?) } else { print(text()) }
 }
 
-/// Lines of cells, those of a column below each other.
-pub(super) fn table<const N: usize>(lines: impl Iterator<Item = [String; N]>) -> String {
-    let lines: Vec<[String; N]> = lines.collect();
+/// The names of columns, then lines of cells, those of a column below each other.
+pub(super) fn table<const N: usize>(
+    head: [&str; N],
+    rows: impl Iterator<Item = [String; N]>,
+) -> String {
+    let lines: Vec<[String; N]> = std::iter::once(head.map(str::to_owned)).chain(rows).collect();
     let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max();
     let widths: Vec<usize> = (0..N).map(|column| width(column).unwrap_or(0)).collect();
     let text = |line: &[String; N]| {

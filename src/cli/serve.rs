@@ -15,7 +15,7 @@ use anyhow::Context;
 use tokio::net::TcpListener;
 
 use super::config::Config;
-use super::output::{ClosedPipe, print};
+use super::output::announce;
 use super::signals::Signals;
 use crate::service::engine::{EngineConfig, Resource};
 use crate::service::{ConnectionLimits, JwtOptions, Server, ServerConfig, TlsFiles};
@@ -43,9 +43,9 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
     // Signals are caught before the address is told: a script may stop the server at once.
     let mut signals = Signals::new().context("signal handlers")?;
     let mut reloads = Reloads::new(config).context("signal handlers")?;
-    let listener = TcpListener::bind(&config.listen)
-        .await
-        .with_context(|| format!("cannot listen on {}", config.listen))?;
+    let listen = config.listen.as_deref().unwrap_or("127.0.0.1:7411");
+    let listener =
+        TcpListener::bind(listen).await.with_context(|| format!("cannot listen on {listen}"))?;
     let data_dir = data_dir(config, |name| std::env::var_os(name), std::env::home_dir())?;
     let kept = match &data_dir {
         Some(directory) => format!("maps are kept in {}", directory.display()),
@@ -66,11 +66,7 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
     let page = server.page_addr().map(|address| format!("\nthe page is at {scheme}://{address}/"));
     let page = page.unwrap_or_default();
     let address = server.local_addr();
-    match print(format_args!("listening on {scheme}://{address}\n{kept}{metrics}{page}")) {
-        // Nobody needs to read the address for the server to be of use.
-        Err(error) if !error.is::<ClosedPipe>() => return Err(error),
-        Ok(()) | Err(_) => {}
-    }
+    announce(format_args!("listening on {scheme}://{address}\n{kept}{metrics}{page}"))?;
     let signal = loop {
         tokio::select! {
             signal = signals.next() => break signal,
@@ -125,8 +121,8 @@ pub(super) fn replication(
         nats,
         monitoring: monitoring.map(str::to_owned).collect(),
         accept_unsynced: config.accept_unsynced_replicas,
-        replicas: config.nats_replicas,
-        lease: Duration::from_secs(config.lease_seconds),
+        replicas: config.nats_replicas.unwrap_or(3),
+        lease: Duration::from_secs(config.lease_seconds.unwrap_or(5)),
         address,
     })
 }
@@ -193,30 +189,32 @@ fn guarded(config: &Config) -> ServerConfig {
 /// The settings of the configuration that a server takes; where maps are kept and who may come in
 /// are not among them.
 pub(super) fn server_config(config: &Config) -> ServerConfig {
+    let default = ServerConfig::default();
     let engine = EngineConfig {
         lock_step: config.lock_step,
-        queue_capacity: config.queue_capacity,
+        queue_capacity: config.queue_capacity.unwrap_or(default.engine.queue_capacity),
         ..config.solve_limits.over(EngineConfig::default())
     };
-    let default = ServerConfig::default();
+    let (most, strangers) = (config.max_connections, config.max_strangers);
     let connections = ConnectionLimits {
-        max_connections: config.max_connections,
-        max_strangers: config.max_strangers,
+        max_connections: most.unwrap_or(default.connections.max_connections),
+        max_strangers: strangers.unwrap_or(default.connections.max_strangers),
         ..default.connections
     };
+    let streams = config.max_concurrent_streams;
     let max_maps =
         config.server_limits.of(Resource::Maps).and_then(|maps| usize::try_from(maps).ok());
     ServerConfig {
-        threads: config.threads,
+        threads: config.threads(),
         map_limits: config.map_limits.over(&default.map_limits),
         max_maps: max_maps.unwrap_or(default.max_maps),
         tenant_limits: config.tenant_limits,
         server_limits: config.server_limits.over(&default.server_limits),
-        max_message_bytes: config.max_message_bytes,
-        max_concurrent_streams: config.max_concurrent_streams,
+        max_message_bytes: config.max_message_bytes.unwrap_or(default.max_message_bytes),
+        max_concurrent_streams: streams.unwrap_or(default.max_concurrent_streams),
         connections,
-        drain_budget: Duration::from_secs(config.drain_budget),
-        job_retention: Duration::from_secs(config.job_retention),
+        drain_budget: config.drain_budget.map_or(default.drain_budget, Duration::from_secs),
+        job_retention: config.job_retention.map_or(default.job_retention, Duration::from_secs),
         engine,
         #[cfg(feature = "faults")]
         test_fault: config.test_fault.clone(),

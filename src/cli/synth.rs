@@ -49,6 +49,5 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let mut progress = Progress::new("frames", *frames as u64);
     write_sequence(&Sequence::new(*scene, &options), out, |_| progress.advance(1))?;
     progress.finish();
-    print(format_args!("{}: {frames} frames of {scene}, seed {seed}", out.display()))?;
-    Ok(())
+    print(format_args!("{}: {frames} frames of {scene}, seed {seed}", out.display()))
 }

@@ -161,8 +161,7 @@ pub(super) fn mesh(args: &MeshArgs) -> anyhow::Result<()> {
     fs::write(&args.out, bytes)?;
     let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
     let out = args.out.display();
-    print(format_args!("{out}: {vertices} vertices, {triangles} triangles"))?;
-    Ok(())
+    print(format_args!("{out}: {vertices} vertices, {triangles} triangles"))
 }
 
 /// Arguments of `covis grid`.
@@ -227,8 +226,7 @@ pub(super) fn grid(args: &GridArgs) -> anyhow::Result<()> {
     };
     let Ground { width, height, .. } = ground;
     let (out, resolution) = (args.out.display(), ground.resolution());
-    print(format_args!("{out}: {width} x {height} cells of {resolution} m"))?;
-    Ok(())
+    print(format_args!("{out}: {width} x {height} cells of {resolution} m"))
 }
 
 /// Whether the file has the second of these extensions; it must have one of them.

@@ -25,7 +25,7 @@ pub(super) fn run(_config: &Config) -> anyhow::Result<()> {
 async fn work(config: &Config) -> anyhow::Result<()> {
     use anyhow::Context;
 
-    use super::output::{ClosedPipe, print};
+    use super::output::announce;
     use super::signals::Signals;
     use crate::service::{Worker, WorkerConfig};
 
@@ -35,7 +35,7 @@ async fn work(config: &Config) -> anyhow::Result<()> {
         replication.context("a worker needs --nats: the NATS servers of its servers")?;
     let settings = WorkerConfig {
         replication,
-        threads: config.threads,
+        threads: config.threads(),
         #[cfg(feature = "faults")]
         test_fault: config.test_fault.clone(),
     };
@@ -43,11 +43,7 @@ async fn work(config: &Config) -> anyhow::Result<()> {
         worker = Worker::connect(&settings) => worker?,
         signal = signals.next() => anyhow::bail!("{signal} while starting"),
     };
-    match print(format_args!("waiting for tasks, with {} threads", config.threads)) {
-        // Nobody needs to read it for the worker to be of use.
-        Err(error) if !error.is::<ClosedPipe>() => return Err(error),
-        Ok(()) | Err(_) => {}
-    }
+    announce(format_args!("waiting for tasks, with {} threads", config.threads()))?;
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
     let running = worker.run(async {
         // A dropped sender ends it too.

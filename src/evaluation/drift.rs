@@ -16,7 +16,7 @@
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::trajectory::Trajectory;
 
-use super::{Error, Evaluation, EvaluationError, Statistics, evaluation};
+use super::{Evaluation, EvaluationError, PoseError, Statistics, evaluation};
 
 /// Relative pose errors between poses of the estimate that are `delta_s` seconds apart.
 ///
@@ -55,18 +55,14 @@ pub fn rpe_over(
         if far(true_i, i) || far(true_j, j) {
             continue;
         }
-        let motion = estimate.motion(i, j);
-        errors.push(Error {
-            timestamp_s: stamp,
-            position: truth.poses[true_i].translation,
-            error: motion.inverse().compose(&truth.motion(true_i, true_j)),
-        });
+        let error = estimate.motion(i, j).inverse().compose(&truth.motion(true_i, true_j));
+        errors.push(PoseError::new(stamp, truth.poses[true_i].translation, &error));
     }
     let pairs = errors.len();
     if pairs < 2 {
         return Err(EvaluationError::TooFewApart { pairs, delta_s });
     }
-    Ok(evaluation(pairs, Se3::identity(), &errors))
+    Ok(evaluation(pairs, Se3::identity(), errors))
 }
 
 /// A trajectory in the order of its stamps, each of them once.

@@ -24,7 +24,7 @@ use nalgebra::Vector3;
 pub use drift::rpe_over;
 pub use mask::{LEAST_COVERAGE, MaskEvaluation, MaskOverlap};
 use matching::{align, associate};
-pub use paper_table::{Dynamics, MethodFigures, PAPER_TABLE, PaperRow, paper_row};
+pub use paper_table::{MethodFigures, PAPER_TABLE, PaperRow, paper_row};
 pub use statistics::Statistics;
 
 /// Two trajectories, or two masks, that cannot be compared.
@@ -100,6 +100,26 @@ pub struct PoseError {
     pub translation_m: f64,
     /// Angle of the rotation error, degrees.
     pub angle_deg: f64,
+    /// ‖R − I‖ of the rotation error, Frobenius.
+    pub rotation_part: f64,
+}
+
+impl PoseError {
+    /// The figures of an error E.
+    ///
+    /// The angle is 2 atan2(‖v‖, |w|) of the error's quaternion (v, w): an acos of the trace would lose
+    /// half of the digits near 0. ‖R − I‖ = 2√2 sin(angle/2) = 2√2 ‖v‖.
+    fn new(timestamp_s: f64, position: Vector3<f64>, error: &Se3) -> Self {
+        let quaternion = error.rotation.quaternion();
+        let sine = quaternion.imag().norm();
+        Self {
+            timestamp_s,
+            position,
+            translation_m: error.translation.norm(),
+            angle_deg: (2.0 * sine.atan2(quaternion.w.abs())).to_degrees(),
+            rotation_part: 2.0 * SQRT_2 * sine,
+        }
+    }
 }
 
 /// Absolute pose errors after SE(3) alignment: E = (T · estimate)⁻¹ · truth.
@@ -120,10 +140,9 @@ pub fn ape(
     let error = |pair: &Pair| {
         let aligned = truth_from_estimate.compose(&pair.estimate);
         let error = aligned.inverse().compose(&pair.truth);
-        Error { timestamp_s: pair.estimate_s, position: aligned.translation, error }
+        PoseError::new(pair.estimate_s, aligned.translation, &error)
     };
-    let errors: Vec<Error> = pairs.iter().map(error).collect();
-    Ok(evaluation(pairs.len(), truth_from_estimate, &errors))
+    Ok(evaluation(pairs.len(), truth_from_estimate, pairs.iter().map(error).collect()))
 }
 
 /// Relative pose errors between neighboring matched poses (delta 1 frame), without alignment:
@@ -145,47 +164,23 @@ pub fn rpe(
     let error = |both: &[Pair]| {
         let motion = |of: fn(&Pair) -> &Se3| of(&both[0]).inverse().compose(of(&both[1]));
         let error = motion(|p| &p.truth).inverse().compose(&motion(|p| &p.estimate));
-        let position = both[0].truth.translation;
-        Error { timestamp_s: both[0].estimate_s, position, error }
+        PoseError::new(both[0].estimate_s, both[0].truth.translation, &error)
     };
-    let errors: Vec<Error> = pairs.windows(2).map(error).collect();
-    Ok(evaluation(pairs.len(), Se3::identity(), &errors))
+    Ok(evaluation(pairs.len(), Se3::identity(), pairs.windows(2).map(error).collect()))
 }
 
-/// An error as a transform, with its place.
-struct Error {
-    timestamp_s: f64,
-    position: Vector3<f64>,
-    error: Se3,
-}
-
-/// Statistics of errors: length of the translation, angle and norm of the rotation.
-///
-/// The angle is 2 atan2(‖v‖, |w|) of the error's quaternion (v, w): an acos of the trace would lose
-/// half of the digits near 0. ‖R − I‖ = 2√2 sin(angle/2) = 2√2 ‖v‖.
-fn evaluation(pairs: usize, truth_from_estimate: Se3, errors: &[Error]) -> Evaluation {
-    let angle_deg = |error: &Se3| {
-        let quaternion = error.rotation.quaternion();
-        (2.0 * quaternion.imag().norm().atan2(quaternion.w.abs())).to_degrees()
-    };
-    let of_pose = |error: &Error| PoseError {
-        timestamp_s: error.timestamp_s,
-        position: error.position,
-        translation_m: error.error.translation.norm(),
-        angle_deg: angle_deg(&error.error),
-    };
-    let poses: Vec<PoseError> = errors.iter().map(of_pose).collect();
+/// Statistics of errors.
+fn evaluation(pairs: usize, truth_from_estimate: Se3, errors: Vec<PoseError>) -> Evaluation {
     let of = |figure: fn(&PoseError) -> f64| {
-        Statistics::of(&poses.iter().map(figure).collect::<Vec<_>>())
+        Statistics::of(&errors.iter().map(figure).collect::<Vec<_>>())
     };
-    let norm = |error: &Error| 2.0 * SQRT_2 * error.error.rotation.quaternion().imag().norm();
     Evaluation {
         pairs,
         truth_from_estimate,
-        translation_m: of(|pose| pose.translation_m),
-        angle_deg: of(|pose| pose.angle_deg),
-        rotation_part: Statistics::of(&errors.iter().map(norm).collect::<Vec<_>>()),
-        errors: poses,
+        translation_m: of(|error| error.translation_m),
+        angle_deg: of(|error| error.angle_deg),
+        rotation_part: of(|error| error.rotation_part),
+        errors,
     }
 }
 

@@ -3,7 +3,7 @@
 //! Coordinates have one decimal. A chart of very many points shows [`MOST_POINTS`] of a line, those with
 //! the largest values. The values are the caller's: none is smoothed or fitted.
 
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 
 use super::markup::Markup;
 use super::picture::Picture;
@@ -15,19 +15,20 @@ const MOST_POINTS: usize = 800;
 /// Bins of a histogram.
 const BINS: usize = 48;
 
-const WIDTH: f64 = 560.0;
+pub(super) const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 300.0;
-const LEFT: f64 = 66.0;
-const RIGHT: f64 = 546.0;
-const TOP: f64 = 30.0;
+pub(super) const LEFT: f64 = 66.0;
+pub(super) const RIGHT: f64 = 546.0;
+pub(super) const TOP: f64 = 30.0;
 const BOTTOM: f64 = 256.0;
 
 /// The role of a line, an area or a path; it decides its color.
-#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Role {
     /// What was there first.
     Before,
     /// What it became.
+    #[default]
     After,
     /// What it is compared with.
     Reference,
@@ -41,25 +42,10 @@ impl Role {
             Self::Reference => "line reference",
         }
     }
-
-    fn area(self) -> &'static str {
-        match self {
-            Self::Before => "area line before",
-            Self::After | Self::Reference => "area line after",
-        }
-    }
-
-    pub(super) fn fill(self) -> &'static str {
-        match self {
-            Self::Before => "fill-before",
-            Self::After => "fill-after",
-            Self::Reference => "fill-reference",
-        }
-    }
 }
 
-/// A line of a chart.
-#[derive(Clone, Debug)]
+/// A line of a chart; by default without points, name and marks.
+#[derive(Clone, Debug, Default)]
 pub struct Line {
     /// Its name in the legend; none where there is one line only.
     pub name: Option<String>,
@@ -95,13 +81,11 @@ pub fn lines(labels: Labels<'_>, log_y: bool, lines: &[Line]) -> Picture {
     let y = Scale::new(kind, (low, high), (BOTTOM, TOP));
     let mut body = axes(&x, &y, &labels);
     for line in lines {
-        let finite: Vec<_> =
-            line.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite()).collect();
-        let kept = thin(finite.len(), MOST_POINTS, |index| finite[index].1);
-        let pixels = kept.iter().map(|&index| (x.at(finite[index].0), y.at(finite[index].1)));
-        body.empty("path", &[("class", &line.role.line()), ("d", &path(pixels))]);
-        let marked: Vec<_> =
-            line.marked.iter().filter(|p| p.0.is_finite() && p.1.is_finite()).collect();
+        let points = finite(&line.points);
+        let kept = thin(points.len(), MOST_POINTS, |index| points[index].1);
+        let pixels = kept.iter().map(|&index| (x.at(points[index].0), y.at(points[index].1)));
+        body.path(line.role.line(), &path(pixels));
+        let marked = finite(&line.marked);
         for index in thin(marked.len(), MOST_POINTS, |_| 0.0) {
             let (cx, cy) = (x.at(marked[index].0), y.at(marked[index].1));
             let (cx, cy) = (format!("{cx:.1}"), format!("{cy:.1}"));
@@ -111,6 +95,10 @@ pub fn lines(labels: Labels<'_>, log_y: bool, lines: &[Line]) -> Picture {
     let named = lines.iter().filter_map(|line| Some((line.name.as_deref()?, line.role)));
     legend(&mut body, &named.collect::<Vec<_>>());
     Picture::new(labels.title, labels.description, (WIDTH, HEIGHT), body)
+}
+
+fn finite(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    points.iter().copied().filter(|p| p.0.is_finite() && p.1.is_finite()).collect()
 }
 
 /// How often each size occurs, by powers of ten: before and after, each as a share of its own count.
@@ -152,7 +140,7 @@ pub fn histogram(labels: Labels<'_>, before: Option<&[f64]>, after: &[f64]) -> P
             .flat_map(|(bin, share)| [(left(bin), y.at(*share)), (left(bin + 1), y.at(*share))]);
         let outline =
             std::iter::once((LEFT, BOTTOM)).chain(steps).chain(std::iter::once((RIGHT, BOTTOM)));
-        body.empty("path", &[("class", &role.area()), ("d", &path(outline))]);
+        body.path(&format!("area {}", role.line()), &path(outline));
     }
     if before.is_some_and(|before| !before.is_empty()) {
         legend(&mut body, &[("before", Role::Before), ("after", Role::After)]);
@@ -182,18 +170,12 @@ pub fn bars(labels: Labels<'_>, all: &[Bar]) -> Picture {
     let high = if high > 0.0 { high } else { 1.0 };
     let x = Scale::new(Kind::Linear, (0.0, high), (NAMES, RIGHT));
     let mut body = Markup::default();
-    for (value, text) in x.ticks() {
-        let at = format!("{:.1}", x.at(value));
-        let line = format!("M{at} {TOP:.1}V{bottom:.1}");
-        body.empty("path", &[("class", &"grid"), ("d", &line)]);
-        let below = format!("{:.1}", bottom + 16.0);
-        body.element("text", &[("x", &at), ("y", &below), ("text-anchor", &"middle")], text);
-    }
+    columns(&mut body, &x, bottom, &format!("{:.1}", bottom + 16.0));
     for (row, bar) in all.iter().enumerate() {
         let middle = TOP + PITCH * (row as f64 + 0.5);
         let (baseline, top) = (format!("{:.1}", middle + 4.0), format!("{:.1}", middle - 7.0));
         let name = shortened(&bar.name);
-        let place: [(&str, &dyn std::fmt::Display); 4] = [
+        let place: [(&str, &dyn Display); 4] = [
             ("class", &"strong"),
             ("x", &(NAMES - 8.0)),
             ("y", &baseline),
@@ -201,8 +183,8 @@ pub fn bars(labels: Labels<'_>, all: &[Bar]) -> Picture {
         ];
         body.element("text", &place, name);
         let width = format!("{:.1}", (x.at(bar.value) - NAMES).max(1.0));
-        let box_of: [(&str, &dyn std::fmt::Display); 5] = [
-            ("class", &Role::After.fill()),
+        let box_of: [(&str, &dyn Display); 5] = [
+            ("class", &"fill-after"),
             ("x", &NAMES),
             ("y", &top),
             ("width", &width),
@@ -211,12 +193,12 @@ pub fn bars(labels: Labels<'_>, all: &[Bar]) -> Picture {
         body.empty("rect", &box_of);
         if let Some(mark) = bar.mark.filter(|mark| mark.is_finite()) {
             let line = format!("M{:.1} {:.1}V{:.1}", x.at(mark), middle - 9.0, middle + 9.0);
-            body.empty("path", &[("class", &"mark"), ("d", &line)]);
+            body.path("mark", &line);
         }
     }
     let (center, below) =
         (format!("{:.1}", (NAMES + RIGHT) / 2.0), format!("{:.1}", bottom + 34.0));
-    body.element("text", &[("x", &center), ("y", &below), ("text-anchor", &"middle")], labels.x);
+    body.label((&center, &below), "middle", labels.x);
     Picture::new(labels.title, labels.description, (WIDTH, bottom + 44.0), body)
 }
 
@@ -244,38 +226,40 @@ pub(super) fn path(points: impl Iterator<Item = (f64, f64)>) -> String {
 /// Grid, ticks and labels.
 fn axes(x: &Scale, y: &Scale, labels: &Labels<'_>) -> Markup {
     let mut body = Markup::default();
-    for (value, text) in x.ticks() {
-        let at = format!("{:.1}", x.at(value));
-        let line = format!("M{at} {TOP:.1}V{BOTTOM:.1}");
-        body.empty("path", &[("class", &"grid"), ("d", &line)]);
-        let below = BOTTOM + 17.0;
-        body.element("text", &[("x", &at), ("y", &below), ("text-anchor", &"middle")], text);
-    }
-    for (value, text) in y.ticks() {
-        let at = y.at(value);
-        let line = format!("M{LEFT:.1} {at:.1}H{RIGHT:.1}");
-        body.empty("path", &[("class", &"grid"), ("d", &line)]);
-        let (beside, baseline) = (LEFT - 7.0, format!("{:.1}", at + 4.0));
-        body.element("text", &[("x", &beside), ("y", &baseline), ("text-anchor", &"end")], text);
-    }
-    let frame = format!("M{LEFT:.1} {TOP:.1}V{BOTTOM:.1}H{RIGHT:.1}");
-    body.empty("path", &[("class", &"axis"), ("d", &frame)]);
-    let (middle, below) = ((LEFT + RIGHT) / 2.0, BOTTOM + 37.0);
-    body.element("text", &[("x", &middle), ("y", &below), ("text-anchor", &"middle")], labels.x);
+    columns(&mut body, x, BOTTOM, &(BOTTOM + 17.0));
+    rows(&mut body, y);
+    body.path("axis", &format!("M{LEFT:.1} {TOP:.1}V{BOTTOM:.1}H{RIGHT:.1}"));
+    body.label((&((LEFT + RIGHT) / 2.0), &(BOTTOM + 37.0)), "middle", labels.x);
     body.element("text", &[("x", &4), ("y", &(TOP - 13.0))], labels.y);
     body
+}
+
+/// The ticks of `x`: lines down to `bottom`, texts at the height `below`.
+pub(super) fn columns(body: &mut Markup, x: &Scale, bottom: f64, below: &dyn Display) {
+    for (value, text) in x.ticks() {
+        let at = format!("{:.1}", x.at(value));
+        body.path("grid", &format!("M{at} {TOP:.1}V{bottom:.1}"));
+        body.label((&at, below), "middle", text);
+    }
+}
+
+/// The ticks of `y`: lines across, texts left of them.
+pub(super) fn rows(body: &mut Markup, y: &Scale) {
+    for (value, text) in y.ticks() {
+        let at = y.at(value);
+        body.path("grid", &format!("M{LEFT:.1} {at:.1}H{RIGHT:.1}"));
+        body.label((&(LEFT - 7.0), &format!("{:.1}", at + 4.0)), "end", text);
+    }
 }
 
 /// Names of lines and areas, at the top right.
 fn legend(body: &mut Markup, entries: &[(&str, Role)]) {
     let mut right = RIGHT;
     for (name, role) in entries.iter().rev() {
-        let (x, y) = (format!("{right:.1}"), TOP - 13.0);
-        body.element("text", &[("x", &x), ("y", &y), ("text-anchor", &"end")], name);
+        body.label((&format!("{right:.1}"), &(TOP - 13.0)), "end", name);
         // Text cannot be measured here: a character is 7 wide at most.
         right -= 7.0 * name.chars().count() as f64 + 6.0;
-        let swatch = format!("M{:.1} {:.1}h-16", right, TOP - 17.0);
-        body.empty("path", &[("class", &role.line()), ("d", &swatch)]);
+        body.path(role.line(), &format!("M{:.1} {:.1}h-16", right, TOP - 17.0));
         right -= 30.0;
     }
 }

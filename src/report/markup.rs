@@ -44,6 +44,21 @@ impl Markup {
         self.close(tag);
     }
 
+    /// `<path …/>`.
+    pub(super) fn path(&mut self, class: &str, data: &str) {
+        self.empty("path", &[("class", &class), ("d", &data)]);
+    }
+
+    /// A text of a picture; `anchor` says which part of it is at `x`.
+    pub(super) fn label(
+        &mut self,
+        (x, y): (&dyn Display, &dyn Display),
+        anchor: &'static str,
+        text: impl Display,
+    ) {
+        self.element("text", &[("x", x), ("y", y), ("text-anchor", &anchor)], text);
+    }
+
     /// Text, escaped.
     pub(super) fn text(&mut self, text: impl Display) {
         escape(&text.to_string(), &mut self.0);

@@ -62,7 +62,7 @@ pub struct Page {
 impl Page {
     /// Starts a page: its title, the command line that made it, and facts as name and value.
     #[must_use]
-    pub fn new(title: &str, command: &str, facts: &[(String, String)]) -> Self {
+    pub fn new(title: &str, command: &str, facts: &[(&str, String)]) -> Self {
         let mut body = Markup::default();
         body.literal("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
         // Nothing can be loaded and nothing can run, whatever a name in here may try.
@@ -80,7 +80,7 @@ impl Page {
         let mut page = Self { body, pictures: 0 };
         if !facts.is_empty() {
             page.section("Summary");
-            let rows = facts.iter().map(|(name, value)| vec![name.clone(), value.clone()]);
+            let rows = facts.iter().map(|(name, value)| vec![(*name).to_owned(), value.clone()]);
             page.table(&Table { caption: String::new(), head: Vec::new(), rows: rows.collect() });
         }
         page

@@ -5,9 +5,7 @@
 //! many poses shows [`MOST_POSES`] of them, of each piece the one with the largest error. The errors
 //! are the caller's.
 
-use std::fmt::Display;
-
-use super::chart::path;
+use super::chart::{LEFT, RIGHT, TOP, WIDTH, columns, path, rows};
 use super::markup::Markup;
 use super::number::number;
 use super::picture::Picture;
@@ -26,10 +24,6 @@ const MOST_DOTS: usize = 100;
 const COLORS: [&str; 7] = ["e0", "e1", "e2", "e3", "e4", "e5", "e6"];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-const WIDTH: f64 = 560.0;
-const LEFT: f64 = 66.0;
-const RIGHT: f64 = 546.0;
-const TOP: f64 = 30.0;
 const MOST_HEIGHT: f64 = 440.0;
 const LEAST_HEIGHT: f64 = 90.0;
 
@@ -79,9 +73,8 @@ pub fn views(plan: &Plan<'_>) -> Vec<Picture> {
     let [longest, middle, up] = axes;
     let (across, along) = (longest.min(middle), longest.max(middle));
     let bounds = [0, 1, 2].map(|axis| bounds(ranges[axis], extents[longest]));
-    let view = |kind: &str, axes: [usize; 2]| {
-        View { plan, axes, bounds: axes.map(|a| bounds[a]) }.draw(kind)
-    };
+    let view =
+        |kind: &str, axes: [usize; 2]| Canvas::new(axes, axes.map(|a| bounds[a])).draw(plan, kind);
     let from_above = view("from above", [across, along]);
     if extents[up] <= 1e-9 * extents[longest].max(1e-300) {
         vec![from_above]
@@ -101,17 +94,16 @@ fn bounds((low, high): (f64, f64), longest: f64) -> (f64, f64) {
     (middle - width / 2.0, middle + width / 2.0)
 }
 
-/// One picture.
-struct View<'a> {
-    plan: &'a Plan<'a>,
+/// Scales of one picture and what is drawn with them.
+struct Canvas {
+    x: Scale,
+    y: Scale,
     axes: [usize; 2],
-    bounds: [(f64, f64); 2],
+    bottom: f64,
 }
 
-impl View<'_> {
-    fn draw(&self, kind: &str) -> Picture {
-        let plan = self.plan;
-        let [(left, right), (low, high)] = self.bounds;
+impl Canvas {
+    fn new(axes: [usize; 2], [(left, right), (low, high)]: [(f64, f64); 2]) -> Self {
         let (wide, tall) = (right - left, high - low);
         // One scale: what is too tall for its width gets less of the width.
         let scale = ((RIGHT - LEFT) / wide).min(MOST_HEIGHT / tall);
@@ -119,34 +111,30 @@ impl View<'_> {
         let middle = (LEFT + RIGHT) / 2.0;
         let bottom = TOP + height;
         let half = (RIGHT - LEFT) / 2.0 / scale;
-        let x = Scale::new(
-            Kind::Linear,
-            (left.midpoint(right) - half, left.midpoint(right) + half),
-            (middle - half * scale, middle + half * scale),
-        );
-        let up = height / scale / 2.0;
-        let y = Scale::new(
-            Kind::Linear,
-            (low.midpoint(high) - up, low.midpoint(high) + up),
-            (bottom, TOP),
-        );
-        let canvas = Canvas { x, y, axes: self.axes, bottom };
-        let mut body = canvas.axes();
-        canvas.points(plan.points, &mut body);
-        if let Some((_, reference)) = plan.reference {
-            canvas.line(reference, &mut body);
-        }
-        let worst = canvas.path(plan, &mut body);
-        canvas.links(plan.links, &mut body);
-        canvas.legend(plan, worst, &mut body);
-        let title = format!("{} {kind}", plan.name);
-        let description = self.description(worst);
-        Picture::new(&title, &description, (WIDTH, bottom + 76.0), body)
+        let around = |middle: f64, half: f64| (middle - half, middle + half);
+        let values = around(left.midpoint(right), half);
+        let x = Scale::new(Kind::Linear, values, around(middle, half * scale));
+        let values = around(low.midpoint(high), height / scale / 2.0);
+        let y = Scale::new(Kind::Linear, values, (bottom, TOP));
+        Self { x, y, axes, bottom }
     }
 
-    fn description(&self, worst: f64) -> String {
+    fn draw(&self, plan: &Plan<'_>, kind: &str) -> Picture {
+        let mut body = self.axes();
+        self.points(plan.points, &mut body);
+        if let Some((_, reference)) = plan.reference {
+            self.line(reference, &mut body);
+        }
+        let worst = self.path(plan, &mut body);
+        self.links(plan.links, &mut body);
+        self.legend(plan, worst, &mut body);
+        let title = format!("{} {kind}", plan.name);
+        let description = self.description(plan, worst);
+        Picture::new(&title, &description, (WIDTH, self.bottom + 76.0), body)
+    }
+
+    fn description(&self, plan: &Plan<'_>, worst: f64) -> String {
         let [a, b] = self.axes.map(|axis| AXES[axis]);
-        let plan = self.plan;
         let mut text = format!(
             "{} positions over {a} and {b} in meters",
             super::number::count(plan.positions.len())
@@ -167,43 +155,18 @@ impl View<'_> {
         text.push('.');
         text
     }
-}
 
-/// Scales and what is drawn with them.
-struct Canvas {
-    x: Scale,
-    y: Scale,
-    axes: [usize; 2],
-    bottom: f64,
-}
-
-impl Canvas {
     fn at(&self, position: &[f64; 3]) -> (f64, f64) {
         (self.x.at(position[self.axes[0]]), self.y.at(position[self.axes[1]]))
     }
 
     fn axes(&self) -> Markup {
         let (mut body, bottom) = (Markup::default(), self.bottom);
-        for (value, text) in self.x.ticks() {
-            let at = format!("{:.1}", self.x.at(value));
-            let line = format!("M{at} {TOP:.1}V{bottom:.1}");
-            body.empty("path", &[("class", &"grid"), ("d", &line)]);
-            let below = format!("{:.1}", bottom + 17.0);
-            body.element("text", &[("x", &at), ("y", &below), ("text-anchor", &"middle")], text);
-        }
-        for (value, text) in self.y.ticks() {
-            let at = self.y.at(value);
-            let line = format!("M{LEFT:.1} {at:.1}H{RIGHT:.1}");
-            body.empty("path", &[("class", &"grid"), ("d", &line)]);
-            let baseline = format!("{:.1}", at + 4.0);
-            let place: [(&'static str, &dyn Display); 3] =
-                [("x", &(LEFT - 7.0)), ("y", &baseline), ("text-anchor", &"end")];
-            body.element("text", &place, text);
-        }
+        columns(&mut body, &self.x, bottom, &format!("{:.1}", bottom + 17.0));
+        rows(&mut body, &self.y);
         let [across, along] = self.axes.map(|axis| format!("{}, m", AXES[axis]));
         let below = format!("{:.1}", bottom + 36.0);
-        let middle = (LEFT + RIGHT) / 2.0;
-        body.element("text", &[("x", &middle), ("y", &below), ("text-anchor", &"middle")], across);
+        body.label((&((LEFT + RIGHT) / 2.0), &below), "middle", across);
         body.element("text", &[("x", &4), ("y", &(TOP - 13.0))], along);
         body
     }
@@ -224,7 +187,7 @@ impl Canvas {
             }
         }
         if !data.is_empty() {
-            body.empty("path", &[("class", &"dots"), ("d", &data)]);
+            body.path("dots", &data);
         }
     }
 
@@ -232,8 +195,7 @@ impl Canvas {
         let kept = thin(positions.len(), MOST_POSES, |_| 0.0);
         let inside =
             kept.iter().map(|&k| &positions[k]).filter(|p| p.iter().all(|v| v.is_finite()));
-        let data = path(inside.map(|position| self.at(position)));
-        body.empty("path", &[("class", &"line reference"), ("d", &data)]);
+        body.path("line reference", &path(inside.map(|position| self.at(position))));
     }
 
     /// The path, piece by piece of one color. Gives the error of the last color.
@@ -259,8 +221,7 @@ impl Canvas {
                     .map(|(x, y)| format!("M{x:.1} {y:.1}h0"))
                     .collect();
                 if !data.is_empty() {
-                    let class = format!("error dot {name}");
-                    body.empty("path", &[("class", &class), ("d", &data)]);
+                    body.path(&format!("error dot {name}"), &data);
                 }
             }
             return worst;
@@ -278,7 +239,7 @@ impl Canvas {
             } else {
                 format!("error {}", COLORS[class])
             };
-            body.empty("path", &[("class", &class), ("d", &data)]);
+            body.path(&class, &data);
             start = end;
         }
         worst
@@ -299,10 +260,10 @@ impl Canvas {
                 dots.push_str(&format!("M{x:.1} {y:.1}h0"));
             }
             if !data.is_empty() {
-                body.empty("path", &[("class", &line), ("d", &data)]);
+                body.path(line, &data);
             }
             if !dots.is_empty() && kept.len() <= MOST_DOTS {
-                body.empty("path", &[("class", &dot), ("d", &dots)]);
+                body.path(dot, &dots);
             }
         }
     }
@@ -317,8 +278,7 @@ impl Canvas {
         let mut x = LEFT;
         for name in COLORS {
             let line = format!("M{:.1} {y:.1}h{:.1}", x + 2.0, SWATCH - 4.0);
-            let class = format!("error dot {name}");
-            body.empty("path", &[("class", &class), ("d", &line)]);
+            body.path(&format!("error dot {name}"), &line);
             x += SWATCH;
         }
         let (middle, baseline) = (format!("{:.1}", x + 10.0), format!("{:.1}", y + 4.0));

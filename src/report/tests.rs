@@ -11,7 +11,7 @@ fn labels<'a>(title: &'a str) -> Labels<'a> {
 
 #[test]
 fn text_from_outside_never_becomes_markup() {
-    let facts = [("map".to_owned(), HOSTILE.to_owned())];
+    let facts = [("map", HOSTILE.to_owned())];
     let mut page = Page::new(HOSTILE, HOSTILE, &facts);
     page.section(HOSTILE);
     page.note(HOSTILE);

@@ -24,7 +24,7 @@ use serde::Serialize;
 
 use super::config::Config;
 use super::connect::Embedded;
-use super::html::{self, ReportFlag};
+use super::html::ReportFlag;
 use super::output::{show, succeed_if};
 use super::run::{Drawing, RunOptions, Source, report, sequence};
 use crate::evaluation::{PaperRow, PoseError, paper_row};
@@ -164,11 +164,9 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         sequences.push(row);
     }
     let is_whole = sequences.iter().all(|row| row.error.is_none());
-    if let Some(path) = &args.report.path {
-        html::write(path, page::page(&sequences))?;
-    }
+    args.report.write(|| page::page(&sequences))?;
     show(args.json, &Document { sequences: &sequences }, || table::text(&sequences))?;
-    html::tell(args.json, &args.report)?;
+    args.report.tell(args.json)?;
     succeed_if(is_whole)
 }
 

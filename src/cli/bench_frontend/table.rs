@@ -69,10 +69,8 @@ fn cell(run: Option<&RunFigures>, of: impl Fn(&RunFigures) -> Option<f64>) -> St
 }
 
 fn drift(rows: &[Row], width: usize) -> Vec<String> {
-    let percent = |value: Option<f64>| match value {
-        Some(value) => format!("{value:.1} %"),
-        None => "-".to_owned(),
-    };
+    let percent =
+        |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.1} %"));
     let names = ["no mask", "mask", "less", "no mask", "mask", "less"];
     let headings = ["translation, m/s", "rotation, deg/s"];
     let mut lines = vec![

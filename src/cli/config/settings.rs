@@ -35,13 +35,13 @@ pub enum LogFormat {
     Json,
 }
 
-/// What the program runs with.
-#[derive(Clone, Debug, PartialEq, Eq, clap::Args, Deserialize)]
+/// What the program runs with; what is absent is as the server has it by default.
+#[derive(Clone, Debug, Default, PartialEq, Eq, clap::Args, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Address to listen on, host:port; port 0 takes a free one [default: 127.0.0.1:7411].
     #[arg(long, value_name = "ADDR")]
-    pub listen: String,
+    pub listen: Option<String>,
     /// The server's certificate (PEM); with it TLS is spoken.
     #[arg(long, value_name = "FILE")]
     pub tls_cert: Option<PathBuf>,
@@ -76,17 +76,17 @@ pub struct Config {
     pub http: Option<String>,
     /// Seconds that the server waits for running calls when it is told to end [default: 10].
     #[arg(long, value_name = "SECONDS")]
-    pub drain_budget: u64,
+    pub drain_budget: Option<u64>,
     /// Seconds that a job is kept after its end [default: 604800].
     #[arg(long, value_name = "SECONDS")]
-    pub job_retention: u64,
+    pub job_retention: Option<u64>,
     /// Export spans of calls, items and solves to this collector by OTLP over gRPC, in builds with
     /// the feature `opentelemetry` [default: none].
     #[arg(long, value_name = "URL")]
     pub otlp_endpoint: Option<String>,
     /// Worker threads of solves; results do not depend on it [default: one per processor].
     #[arg(long, value_name = "N")]
-    pub threads: usize,
+    pub threads: Option<usize>,
     /// Finish each solve before the next item of a stream is taken.
     #[arg(long)]
     pub lock_step: bool,
@@ -106,10 +106,10 @@ pub struct Config {
     pub nats_monitoring: Option<String>,
     /// On how many NATS servers each map's journal is: 1, 3 or 5 [default: 3].
     #[arg(long, value_name = "N")]
-    pub nats_replicas: usize,
+    pub nats_replicas: Option<usize>,
     /// Seconds after which the maps of a server that is not heard of are taken over [default: 5].
     #[arg(long, value_name = "SECONDS")]
-    pub lease_seconds: u64,
+    pub lease_seconds: Option<u64>,
     /// URL by which clients reach this server, for those that asked another one [default: from
     /// --listen].
     #[arg(long, value_name = "URL")]
@@ -120,19 +120,19 @@ pub struct Config {
     pub accept_unsynced_replicas: bool,
     /// Largest message in bytes, in and out [default: 4194304].
     #[arg(long, value_name = "N")]
-    pub max_message_bytes: usize,
+    pub max_message_bytes: Option<usize>,
     /// Most concurrent streams of one connection [default: 64].
     #[arg(long, value_name = "N")]
-    pub max_concurrent_streams: u32,
+    pub max_concurrent_streams: Option<u32>,
     /// Most connections at once [default: 512].
     #[arg(long, value_name = "N")]
-    pub max_connections: usize,
+    pub max_connections: Option<usize>,
     /// Most of them that have made no call that was admitted; half of all at most [default: 256].
     #[arg(long, value_name = "N")]
-    pub max_strangers: usize,
+    pub max_strangers: Option<usize>,
     /// Items that may wait for a map's engine before a stream is slowed down [default: 64].
     #[arg(long, value_name = "N")]
-    pub queue_capacity: usize,
+    pub queue_capacity: Option<usize>,
     /// Limits of a map, over those of [`ServerConfig`]; in the file only (none).
     #[arg(skip)]
     pub map_limits: MapLimits,
@@ -147,7 +147,7 @@ pub struct Config {
     pub solve_limits: SolveLimits,
     /// The server's URL [default: http://127.0.0.1:7411].
     #[arg(long, value_name = "URL", help_heading = CONNECTION)]
-    pub server: String,
+    pub server: Option<String>,
     /// Certificates (PEM) of the authorities to trust instead of the system's.
     #[arg(long, value_name = "FILE", help_heading = CONNECTION)]
     pub ca: Option<PathBuf>,
@@ -162,7 +162,7 @@ pub struct Config {
     pub token_file: Option<PathBuf>,
     /// Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info].
     #[arg(long, value_name = "LEVEL", help_heading = LOG)]
-    pub log: String,
+    pub log: Option<String>,
     /// How log lines look [default: text].
     #[arg(long, value_name = "FORMAT", help_heading = LOG)]
     pub log_format: LogFormat,
@@ -182,62 +182,22 @@ pub struct Config {
     pub test_fault: Option<String>,
 }
 
-impl Default for Config {
-    fn default() -> Self {
-        let server = ServerConfig::default();
-        Self {
-            listen: "127.0.0.1:7411".to_owned(),
-            tls_cert: None,
-            tls_key: None,
-            tls_client_ca: None,
-            tokens: None,
-            jwks: None,
-            jwt_issuer: None,
-            jwt_audience: None,
-            insecure_plain_text: server.insecure_plain_text,
-            metrics_listen: None,
-            http: None,
-            drain_budget: server.drain_budget.as_secs(),
-            job_retention: server.job_retention.as_secs(),
-            otlp_endpoint: None,
-            threads: server.threads,
-            lock_step: server.engine.lock_step,
-            data_dir: None,
-            in_memory: false,
-            nats: None,
-            nats_monitoring: None,
-            nats_replicas: 3,
-            lease_seconds: 5,
-            advertise: None,
-            accept_unsynced_replicas: false,
-            max_message_bytes: server.max_message_bytes,
-            max_concurrent_streams: server.max_concurrent_streams,
-            max_connections: server.connections.max_connections,
-            max_strangers: server.connections.max_strangers,
-            queue_capacity: server.engine.queue_capacity,
-            map_limits: MapLimits::default(),
-            tenant_limits: AccountLimits::default(),
-            server_limits: AccountLimits::default(),
-            solve_limits: SolveLimits::default(),
-            server: "http://127.0.0.1:7411".to_owned(),
-            ca: None,
-            cert: None,
-            key: None,
-            token_file: None,
-            log: "info".to_owned(),
-            log_format: LogFormat::default(),
-            names_server: false,
-            token: None,
-            #[cfg(feature = "faults")]
-            test_fault: None,
-        }
-    }
-}
-
 impl Config {
     /// A command that has all flags and demands none of them.
     pub(super) fn command() -> clap::Command {
         <Self as clap::Args>::augment_args_for_update(clap::Command::new("covis"))
+    }
+
+    /// The server's URL.
+    #[must_use]
+    pub fn server(&self) -> &str {
+        self.server.as_deref().unwrap_or("http://127.0.0.1:7411")
+    }
+
+    /// Worker threads of solves.
+    #[must_use]
+    pub fn threads(&self) -> usize {
+        self.threads.unwrap_or_else(|| ServerConfig::default().threads)
     }
 
     /// The first setting that is out of its range, and what it must be.
@@ -247,11 +207,16 @@ impl Config {
         };
         // A bare word that is no level would be taken for a module's name and silence everything.
         let levels = ["off", "error", "warn", "info", "debug", "trace"];
-        let is_log = self.log.contains(['=', ','])
-            || levels.contains(&self.log.to_ascii_lowercase().as_str());
+        let is_log = |log: &str| {
+            log.contains(['=', ',']) || levels.contains(&log.to_ascii_lowercase().as_str())
+        };
         let jwt = [self.jwks.is_some(), self.jwt_issuer.is_some(), self.jwt_audience.is_some()];
         let rules = [
-            (is_address(&self.listen), "listen", "must be host:port, for instance 127.0.0.1:7411"),
+            (
+                self.listen.as_deref().is_none_or(is_address),
+                "listen",
+                "must be host:port, for instance 127.0.0.1:7411",
+            ),
             (
                 self.metrics_listen.as_deref().is_none_or(is_address),
                 "metrics_listen",
@@ -262,7 +227,7 @@ impl Config {
                 "http",
                 "must be host:port, for instance 127.0.0.1:7412",
             ),
-            (self.threads > 0, "threads", "must be at least 1"),
+            (self.threads != Some(0), "threads", "must be at least 1"),
             (
                 self.tls_cert.is_some() == self.tls_key.is_some(),
                 "tls_cert",
@@ -279,13 +244,21 @@ impl Config {
                 "belongs with jwt_issuer and jwt_audience: one is missing",
             ),
             (
-                self.max_message_bytes >= LEAST_MESSAGE_BYTES,
+                self.max_message_bytes.is_none_or(|bytes| bytes >= LEAST_MESSAGE_BYTES),
                 "max_message_bytes",
                 "must be at least 4096",
             ),
-            (self.max_concurrent_streams > 0, "max_concurrent_streams", "must be at least 1"),
-            (self.max_strangers > 0, "max_strangers", "must be at least 1"),
-            (self.max_connections > 1, "max_connections", "must be at least 2"),
+            (
+                self.max_concurrent_streams != Some(0),
+                "max_concurrent_streams",
+                "must be at least 1",
+            ),
+            (self.max_strangers != Some(0), "max_strangers", "must be at least 1"),
+            (
+                self.max_connections.is_none_or(|connections| connections > 1),
+                "max_connections",
+                "must be at least 2",
+            ),
             (
                 !self.in_memory || self.data_dir.is_none(),
                 "in_memory",
@@ -296,11 +269,15 @@ impl Config {
                 "nats",
                 "excludes in_memory: what is acknowledged is on this server's disk too",
             ),
-            (matches!(self.nats_replicas, 1 | 3 | 5), "nats_replicas", "must be 1, 3 or 5"),
-            (self.lease_seconds > 0, "lease_seconds", "must be at least 1"),
-            (self.queue_capacity > 0, "queue_capacity", "must be at least 1"),
             (
-                is_log,
+                matches!(self.nats_replicas, None | Some(1 | 3 | 5)),
+                "nats_replicas",
+                "must be 1, 3 or 5",
+            ),
+            (self.lease_seconds != Some(0), "lease_seconds", "must be at least 1"),
+            (self.queue_capacity != Some(0), "queue_capacity", "must be at least 1"),
+            (
+                self.log.as_deref().is_none_or(is_log),
                 "log",
                 "must be off, error, warn, info, debug, trace or a list like info,covis=debug",
             ),

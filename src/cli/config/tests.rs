@@ -24,9 +24,10 @@ fn flags_win_over_environment_over_file_over_defaults() {
     let flags = vec![("threads".to_owned(), OsString::from("4"))];
     let path = Some(file.path().to_owned());
     let (config, warnings) = Config::load(flags, path, environment(&variables)).unwrap();
-    assert_eq!((config.threads, config.listen.as_str()), (4, "host:2"));
-    assert_eq!((config.log.as_str(), config.lock_step), ("warn", true));
-    assert_eq!(config.max_message_bytes, 4 * 1024 * 1024);
+    assert_eq!((config.threads, config.listen.as_deref()), (Some(4), Some("host:2")));
+    assert_eq!((config.log.as_deref(), config.lock_step), (Some("warn"), true));
+    let server = crate::cli::serve::server_config(&config);
+    assert_eq!((server.threads, server.max_message_bytes), (4, 4 * 1024 * 1024));
     assert_eq!(warnings, Vec::<String>::new());
 }
 
@@ -36,7 +37,7 @@ fn the_environment_may_name_the_file() {
     let path = file.path().to_str().unwrap();
     let environment = environment(&[("COVIS_CONFIG", path)]);
     let (config, _) = Config::load(Texts::new(), None, environment).unwrap();
-    assert_eq!(config.queue_capacity, 7);
+    assert_eq!(config.queue_capacity, Some(7));
 }
 
 #[test]
@@ -156,5 +157,5 @@ fn arguments_of_a_command_are_no_settings() {
 fn names_of_files_keep_their_spaces_and_numbers_do_not() {
     let variables = [("COVIS_DATA_DIR", "maps "), ("COVIS_THREADS", " 3 ")];
     let (config, _) = Config::load(Texts::new(), None, environment(&variables)).unwrap();
-    assert_eq!((config.data_dir.as_deref(), config.threads), (Some(Path::new("maps ")), 3));
+    assert_eq!((config.data_dir.as_deref(), config.threads), (Some(Path::new("maps ")), Some(3)));
 }

@@ -51,24 +51,19 @@ struct Document {
 
 /// Reads the masks of both folders, compares, prints.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let mut frames = Vec::new();
-    let (mut truth_only, mut estimate_only) = (0, 0);
-    match (&args.folders[..], args.is_static) {
+    let Compared { frames, truth_only, estimate_only } = match (&args.folders[..], args.is_static) {
         ([estimate], true) => {
-            for mask in list(estimate)? {
-                frames.push(MaskOverlap::of_static(&Mask::read(&mask.path)?.pixels));
-            }
+            let masks = list(estimate)?.into_iter().map(|mask| Mask::read(&mask.path));
+            let overlaps = masks.map(|mask| mask.map(|mask| MaskOverlap::of_static(&mask.pixels)));
+            let frames = overlaps.collect::<anyhow::Result<_>>()?;
+            Compared { frames, truth_only: 0, estimate_only: 0 }
         }
-        ([truth, estimate], false) => {
-            let compared = compare(truth, estimate)?;
-            (frames, truth_only, estimate_only) =
-                (compared.frames, compared.truth_only, compared.estimate_only);
-        }
+        ([truth, estimate], false) => compare(truth, estimate)?,
         (_, true) => bail!("--static takes the folder of the estimated masks only"),
         (_, false) => {
             bail!("two folders are needed, the truth and the estimate, or one and --static")
         }
-    }
+    };
     let evaluation = MaskEvaluation::of(&frames);
     let document = Document {
         frames: frames.len(),
@@ -78,11 +73,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         false_share: evaluation.false_share,
         masked_share: evaluation.masked_share,
     };
-    if let Some(path) = &args.report.path {
-        html::write(path, page(&frames, &evaluation))?;
-    }
+    args.report.write(|| page(&frames, &evaluation))?;
     show(args.json, &document, || table(&document, &evaluation))?;
-    html::tell(args.json, &args.report)
+    args.report.tell(args.json)
 }
 
 /// The page: the figures of the table, and each frame's.
@@ -91,7 +84,7 @@ fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
         ("frames", count(frames.len())),
         ("frames with something that moves", count(evaluation.iou.count)),
     ];
-    let mut page = html::page("Masks of what moves", &html::facts(&facts));
+    let mut page = html::page("Masks of what moves", &facts);
     let row = |name: &str, s: &Statistics| {
         let figures = [s.mean, s.median, s.min, s.max].map(number);
         std::iter::once(name.to_owned()).chain(figures).collect::<Vec<_>>()
@@ -106,16 +99,12 @@ fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
     let head = ["figure", "mean", "median", "least", "most"];
     page.table(&Table::new("Over all frames", &head, rows));
     page.section("Frames");
-    let line = |name: Option<&str>, role, of: &dyn Fn(&MaskOverlap) -> Option<f64>| Line {
-        name: name.map(str::to_owned),
-        role,
-        points: frames
-            .iter()
-            .enumerate()
-            .filter_map(|(k, frame)| Some((k as f64, of(frame)?)))
-            .collect(),
-        marked: Vec::new(),
+    let line = |of: &dyn Fn(&MaskOverlap) -> Option<f64>| {
+        let all = frames.iter().enumerate();
+        let points = all.filter_map(|(k, frame)| Some((k as f64, of(frame)?))).collect();
+        Line { points, ..Line::default() }
     };
+    let named = |name: &str, role, line: Line| Line { name: Some(name.to_owned()), role, ..line };
     let iou = Labels {
         title: "Intersection over union",
         description: "Of each frame whose truth covers enough of it.",
@@ -132,13 +121,10 @@ fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
     let truth = |frame: &MaskOverlap| Some(100.0 * frame.coverage());
     let masked = |frame: &MaskOverlap| Some(100.0 * frame.masked_share());
     let both = [
-        line(Some("truth"), Role::Reference, &truth),
-        line(Some("estimate"), Role::After, &masked),
+        named("truth", Role::Reference, line(&truth)),
+        named("estimate", Role::After, line(&masked)),
     ];
-    page.row(
-        &[lines(iou, false, &[line(None, Role::After, &covered)]), lines(shares, false, &both)],
-        &[],
-    );
+    page.row(&[lines(iou, false, &[line(&covered)]), lines(shares, false, &both)], &[]);
     page
 }
 
@@ -245,13 +231,17 @@ fn by_names(folder: &Path) -> anyhow::Result<Vec<Listed>> {
         if path.extension().is_none_or(|extension| extension != "png") {
             continue;
         }
-        let stem = path.file_stem().and_then(|stem| stem.to_str());
-        let time_s = stem.and_then(seconds).with_context(|| {
+        let time_s = time_of_name(&path).with_context(|| {
             format!("{}: the name of a mask is its time in seconds", path.display())
         })?;
         masks.push(Listed { time_s, path });
     }
     Ok(masks)
+}
+
+/// The time that a file's name tells, seconds.
+pub(in crate::cli) fn time_of_name(path: &Path) -> Option<f64> {
+    path.file_stem().and_then(|stem| stem.to_str()).and_then(seconds)
 }
 
 fn seconds(text: &str) -> Option<f64> {

@@ -13,6 +13,7 @@ use anyhow::{Context, bail};
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde::Serialize;
 
+use super::choices;
 use super::formats::{of_trajectories, read_trajectory};
 use super::html::{self, ReportFlag};
 use super::output::show;
@@ -78,17 +79,13 @@ struct Files {
 }
 
 fn time_difference(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        Ok(_) | Err(_) => Err("must be a number of seconds, finite and not negative".to_owned()),
-    }
+    const MUST: &str = "must be a number of seconds, finite and not negative";
+    choices::number(text, MUST, |s: &f64| s.is_finite() && *s >= 0.0)
 }
 
 fn time_delta(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        Ok(_) | Err(_) => Err("must be a number of seconds, finite and positive".to_owned()),
-    }
+    const MUST: &str = "must be a number of seconds, finite and positive";
+    choices::number(text, MUST, |s: &f64| s.is_finite() && *s > 0.0)
 }
 
 /// The object of `--json`. evo's default, the translation, also stands at the top level.
@@ -154,11 +151,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let result = result
         .with_context(|| format!("{} and {}", files.truth.display(), files.estimate.display()))?;
     let poses = (truth.len(), estimate.len());
-    if let Some(path) = &files.report.path {
-        html::write(path, page(measure, &truth, poses, &result))?;
-    }
+    files.report.write(|| page(measure, &truth, poses, &result))?;
     show(files.json, &document(measure, poses, &result), || table(measure, poses, &result))?;
-    html::tell(files.json, &files.report)
+    files.report.tell(files.json)
 }
 
 fn document(measure: Measure, poses: (usize, usize), result: &Evaluation) -> Document {
@@ -203,19 +198,14 @@ fn page(
     if let Some(first) = title.get_mut(..1) {
         first.make_ascii_uppercase();
     }
-    let mut page = html::page(&title, &html::facts(&counts));
-    let rows = rows(&result.translation_m).into_iter().zip(rows(&result.angle_deg));
-    let rows = rows.map(|((name, translation), (_, angle))| {
+    let mut page = html::page(&title, &counts);
+    let row = |(name, translation, angle): (&str, f64, f64)| {
         vec![name.to_owned(), number(translation), number(angle)]
-    });
+    };
     let head = ["figure", "translation, m", "rotation, deg"];
-    page.table(&Table::new("Errors", &head, rows.collect()));
-    html::trajectory::errors(
-        &mut page,
-        truth,
-        &result.errors,
-        matches!(measure, Measure::Absolute),
-    );
+    page.table(&Table::new("Errors", &head, rows(result).map(row).into()));
+    let is_absolute = matches!(measure, Measure::Absolute);
+    html::trajectory::errors(&mut page, truth, &result.errors, is_absolute);
     page
 }
 
@@ -227,16 +217,17 @@ fn title(measure: Measure) -> String {
     }
 }
 
-/// The figures of a list of errors by their names.
-fn rows(figures: &Statistics) -> [(&'static str, f64); 7] {
+/// The figures by their names, of translations and of rotations.
+fn rows(result: &Evaluation) -> [(&'static str, f64, f64); 7] {
+    let (translations, angles) = (&result.translation_m, &result.angle_deg);
     [
-        ("rmse", figures.rmse),
-        ("mean", figures.mean),
-        ("median", figures.median),
-        ("std", figures.std),
-        ("min", figures.min),
-        ("max", figures.max),
-        ("sse", figures.sse),
+        ("rmse", translations.rmse, angles.rmse),
+        ("mean", translations.mean, angles.mean),
+        ("median", translations.median, angles.median),
+        ("std", translations.std, angles.std),
+        ("min", translations.min, angles.min),
+        ("max", translations.max, angles.max),
+        ("sse", translations.sse, angles.sse),
     ]
 }
 
@@ -246,9 +237,7 @@ fn table(measure: Measure, poses: (usize, usize), result: &Evaluation) -> String
         "{title}\n{} pairs of {} true and {} estimated poses\n\n{:>8}  {:>16}  {:>14}",
         result.pairs, poses.0, poses.1, "", "translation (m)", "rotation (deg)"
     );
-    for ((name, translation), (_, angle)) in
-        rows(&result.translation_m).into_iter().zip(rows(&result.angle_deg))
-    {
+    for (name, translation, angle) in rows(result) {
         text.push_str(&format!("\n{name:>8}  {translation:>16.6}  {angle:>14.6}"));
     }
     text

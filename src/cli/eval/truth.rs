@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use anyhow::{bail, ensure};
 use covis_solvers::io::pose_matrix;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
-use serde::Serialize;
 
 use super::super::formats::{self, of_trajectories, read_trajectory};
 use super::super::output::show;
@@ -32,16 +31,10 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// The object of `--json`.
-#[derive(Debug, Serialize)]
-struct Document {
-    poses: usize,
-}
-
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let truth = read_timed(&args.folder)?;
     truth.write_as(&args.out, args.format)?;
-    let document = Document { poses: truth.len() };
+    let document = serde_json::json!({ "poses": truth.len() });
     show(args.json, &document, || format!("{} poses in {}", truth.len(), args.out.display()))
 }
 

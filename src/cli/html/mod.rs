@@ -9,7 +9,7 @@ pub(super) mod solve;
 pub(super) mod trajectory;
 
 use std::borrow::Cow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use fs_err as fs;
 
@@ -24,33 +24,31 @@ pub(super) struct ReportFlag {
     pub(super) path: Option<PathBuf>,
 }
 
-/// A page with the command line of this process.
-pub(super) fn page(title: &str, facts: &[(String, String)]) -> Page {
-    Page::new(title, &command_line(std::env::args_os()), facts)
-}
+impl ReportFlag {
+    /// Writes the page, where one is asked for.
+    ///
+    /// # Errors
+    /// For a file that cannot be written.
+    pub(super) fn write(&self, page: impl FnOnce() -> Page) -> anyhow::Result<()> {
+        let Some(path) = &self.path else { return Ok(()) };
+        Ok(fs::write(path, page().finish(concat!("covis ", env!("CARGO_PKG_VERSION"))))?)
+    }
 
-/// Writes a page.
-///
-/// # Errors
-/// For a file that cannot be written.
-pub(super) fn write(path: &Path, page: Page) -> anyhow::Result<()> {
-    Ok(fs::write(path, page.finish(concat!("covis ", env!("CARGO_PKG_VERSION"))))?)
-}
-
-/// Ends a command's text with the path of its page, if there is one.
-///
-/// # Errors
-/// As those of [`print()`].
-pub(super) fn tell(json: bool, flag: &ReportFlag) -> anyhow::Result<()> {
-    match &flag.path {
-        Some(path) if !json => print(format_args!("\nThe report is {}", path.display())),
-        Some(_) | None => Ok(()),
+    /// Ends a command's text with the path of its page, if there is one.
+    ///
+    /// # Errors
+    /// As those of [`print()`].
+    pub(super) fn tell(&self, json: bool) -> anyhow::Result<()> {
+        match &self.path {
+            Some(path) if !json => print(format_args!("\nThe report is {}", path.display())),
+            Some(_) | None => Ok(()),
+        }
     }
 }
 
-/// Facts of names that live as long as the program.
-pub(super) fn facts(lines: &[(&'static str, String)]) -> Vec<(String, String)> {
-    lines.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect()
+/// A page with the command line of this process.
+pub(super) fn page(title: &str, facts: &[(&str, String)]) -> Page {
+    Page::new(title, &command_line(std::env::args_os()), facts)
 }
 
 /// The command as a shell takes it; the program by its name, wherever it is.

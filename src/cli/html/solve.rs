@@ -1,10 +1,12 @@
 //! What pages show of a solve: the cost over iterations and time, residuals before and after. Figures come
 //! from the solvers and the evaluator; only their quantiles are taken here.
 
-use crate::report::{Labels, Line, Page, Role, Table, histogram, lines, number, quantiles};
+use serde::{Deserialize, Serialize};
 
-/// An iteration of a solve.
-#[derive(Clone, Copy, Debug)]
+use crate::report::{Labels, Line, Page, Table, histogram, lines, number, quantiles};
+
+/// An iteration of a solve, as `--json` and reports of jobs have it.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 pub(in crate::cli) struct Iteration {
     pub(in crate::cli) iteration: usize,
     pub(in crate::cli) cost: f64,
@@ -17,10 +19,9 @@ pub(in crate::cli) struct Iteration {
 pub(in crate::cli) fn cost(page: &mut Page, rows: &[Iteration]) {
     page.section("Cost");
     let line = |x: fn(&Iteration) -> f64| Line {
-        name: None,
-        role: Role::After,
         points: rows.iter().map(|row| (x(row), row.cost)).collect(),
         marked: rows.iter().filter(|row| !row.accepted).map(|row| (x(row), row.cost)).collect(),
+        ..Line::default()
     };
     let described = |title, x| Labels {
         title,

@@ -4,12 +4,7 @@
 use covis_solvers::io::trajectory::Trajectory;
 
 use crate::evaluation::PoseError;
-use crate::report::{Labels, Line, Page, Plan, Role, Table, histogram, lines, quantiles, views};
-
-/// Positions of a trajectory, m.
-pub(in crate::cli) fn positions(trajectory: &Trajectory) -> Vec<[f64; 3]> {
-    trajectory.world_from_body.iter().map(|pose| pose.translation.into()).collect()
-}
+use crate::report::{Labels, Line, Page, Plan, Table, histogram, lines, quantiles, views};
 
 /// Where the errors are: the trajectory beside the truth. `is_absolute` says that they are of single
 /// poses, otherwise they are of motions and are shown along the truth.
@@ -21,7 +16,8 @@ pub(in crate::cli) fn places(
 ) {
     let estimate: Vec<[f64; 3]> = errors.iter().map(|e| e.position.into()).collect();
     let lengths: Vec<f64> = errors.iter().map(|e| e.translation_m).collect();
-    let truth = positions(truth);
+    let truth: Vec<[f64; 3]> =
+        truth.world_from_body.iter().map(|pose| pose.translation.into()).collect();
     let plan = Plan {
         name: if is_absolute { "Estimate" } else { "Truth" },
         positions: &estimate,
@@ -50,10 +46,8 @@ pub(in crate::cli) fn errors(
     page.section("Errors over time");
     let start = errors.first().map_or(0.0, |e| e.timestamp_s);
     let over_time = |values: &[f64]| Line {
-        name: None,
-        role: Role::After,
         points: errors.iter().map(|e| e.timestamp_s - start).zip(values.iter().copied()).collect(),
-        marked: Vec::new(),
+        ..Line::default()
     };
     let labels = |title, description, y| Labels { title, description, x: "time, s", y };
     let translation = labels("Translation error", "Its length over time.", "m");

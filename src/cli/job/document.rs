@@ -105,7 +105,6 @@ pub(super) fn table(jobs: &[Document]) -> String {
     if jobs.is_empty() {
         return "no jobs".to_owned();
     }
-    let head = ["JOB", "KIND", "STATE", "MAPS", "COST", "CREATED"].map(str::to_owned);
     let row = |job: &Document| {
         [
             job.id.clone(),
@@ -116,7 +115,7 @@ pub(super) fn table(jobs: &[Document]) -> String {
             job.create_time.clone().unwrap_or_default(),
         ]
     };
-    output::table(std::iter::once(head).chain(jobs.iter().map(row)))
+    output::table(["JOB", "KIND", "STATE", "MAPS", "COST", "CREATED"], jobs.iter().map(row))
 }
 
 /// Where a job stands, in one line.

@@ -3,28 +3,21 @@
 //! A file is sent under its name, a folder's files under their paths below it, so that the server learns
 //! nothing else of the machine. What is in them is read by the server alone.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
+use covis_solvers::io::colmap::ColmapEncoding;
 use covis_solvers::io::natural_cmp;
 use fs_err as fs;
-use tokio::sync::mpsc;
-use tokio_stream::wrappers::ReceiverStream;
 
-use super::super::map::send;
+use super::super::map::{self, Files};
 use crate::client::Client;
 use crate::wire::v1;
 
-/// Names of the files of a COLMAP model, binary and text.
-const MODELS: [[&str; 3]; 2] =
-    [["cameras.bin", "images.bin", "points3D.bin"], ["cameras.txt", "images.txt", "points3D.txt"]];
 /// Endings of problem files in a folder.
 const ENDINGS: [&str; 3] = ["bal", "g2o", "txt"];
 /// Folders inside each other that are looked through.
 const DEPTH: usize = 8;
-
-/// Files by the paths under which they are sent.
-pub(super) type Files = Vec<(String, PathBuf)>;
 
 /// The files of a problem: the file itself, or the problems of a folder and of those in it.
 pub(super) fn find(path: &Path) -> anyhow::Result<Files> {
@@ -47,9 +40,9 @@ fn collect(folder: &Path, below: &str, depth: usize, files: &mut Files) -> anyho
     }
     names.sort_by(|a, b| natural_cmp(a, b));
     let path = |name: &str| format!("{below}{name}");
-    let model = MODELS.into_iter().find(|model| folder.join(model[0]).is_file());
+    let model = ColmapEncoding::of_folder(folder);
     if let Some(model) = model {
-        files.extend(model.map(|name| (path(name), folder.join(name))));
+        files.extend(model.file_names().map(|name| (path(name), folder.join(name))));
     }
     for name in names {
         let file = folder.join(&name);
@@ -73,13 +66,8 @@ pub(super) async fn upload(client: &Client, files: Files) -> anyhow::Result<Stri
     for (_, file) in &files {
         size_bytes += i64::try_from(fs::metadata(file)?.len())?;
     }
-    let (sender, chunks) = mpsc::channel(2);
-    let reading = tokio::task::spawn_blocking(move || {
-        files.iter().try_for_each(|(path, file)| send(path, file, &sender))
-    });
     let header = v1::UploadJobFilesHeader { size_bytes };
-    let answer = client.upload_job_files(header, ReceiverStream::new(chunks)).await;
-    // A file that cannot be read is the cause of what the server says of it.
-    reading.await.context("the files were not read to their end")??;
-    Ok(answer?.upload_id)
+    let answer =
+        map::upload(files, None, async |chunks| client.upload_job_files(header, chunks).await);
+    Ok(answer.await?.upload_id)
 }

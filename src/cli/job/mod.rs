@@ -16,8 +16,8 @@ use self::document::{Document, details, line, table};
 use super::choices::{Choices, choice};
 use super::config::Config;
 use super::connect::with_client;
-use super::html::{self, ReportFlag};
-use super::map::write_files;
+use super::html::ReportFlag;
+use super::map::{path_lines, write_files};
 use super::output::{print, show, succeed_if};
 use super::signals::Signals;
 use crate::client::{Client, RetryPolicy};
@@ -113,11 +113,9 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
         }
         Action::Show { id, report } => {
             let job = described(&client, client.job(&id).await?).await?;
-            if let Some(path) = &report.path {
-                html::write(path, page::page(&job))?;
-            }
+            report.write(|| page::page(&job))?;
             show(json, &job, || details(&job))?;
-            html::tell(json, &report)
+            report.tell(json)
         }
         Action::Watch { id } => {
             let job = to_end(&client, &id, |job| {
@@ -142,9 +140,7 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
             fs_err::create_dir_all(&out)?;
             let files = write_files(&paths, async || download.next().await, &out).await?;
             let document = serde_json::json!({ "id": id, "files": files });
-            show(json, &document, || {
-                files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join("\n")
-            })
+            show(json, &document, || path_lines(&files))
         }
     }
 }
@@ -184,12 +180,6 @@ async fn follow(
     };
     let job = RetryPolicy::default().run(watch).await?;
     failure.into_inner().map_or(Ok(job), Err)
-}
-
-/// Prints a job with its report.
-async fn print_job(client: &Client, job: v1::Job, json: bool) -> anyhow::Result<()> {
-    let document = described(client, job).await?;
-    show(json, &document, || details(&document))
 }
 
 /// A job with the report that it made.

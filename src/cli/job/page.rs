@@ -3,16 +3,17 @@
 //!
 //! Works on the report's JSON as the server wrote it: a key that is not there leaves its part out.
 
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::document::{Document, lines};
+use crate::cli::html;
 use crate::cli::html::solve::{Iteration, cost};
-use crate::cli::html::{self, facts};
 use crate::report::{Page, Table, number};
 
 /// The page of a job.
 pub(super) fn page(job: &Document) -> Page {
-    let mut page = html::page(&format!("Job {}", job.id), &facts(&lines(job)));
+    let mut page = html::page(&format!("Job {}", job.id), &lines(job));
     let Some(report) = &job.report else {
         page.note("A job has a report once it has succeeded.");
         return page;
@@ -29,16 +30,8 @@ fn of_problem(page: &mut Page, report: &Value) {
     let mut figures = Vec::new();
     flatten("", report, &mut figures);
     page.table(&Table::new("Figures", &["name", "value"], figures));
-    let row = |row: &Value| {
-        Some(Iteration {
-            iteration: usize::try_from(row["iteration"].as_u64()?).ok()?,
-            cost: row["cost"].as_f64()?,
-            seconds: row["seconds"].as_f64()?,
-            accepted: row["accepted"].as_bool()?,
-            damping: row["damping"].as_f64()?,
-        })
-    };
     let list = |key: &str| report[key].as_array().map_or(&[][..], Vec::as_slice);
+    let row = |row: &Value| Iteration::deserialize(row).ok();
     let iterations: Vec<Iteration> = list("iterations").iter().filter_map(row).collect();
     if !iterations.is_empty() {
         cost(page, &iterations);

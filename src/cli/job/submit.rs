@@ -8,10 +8,10 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 
 use super::super::map::{MapFormat, write_files};
-use super::super::output::succeed_if;
+use super::super::output::{show, succeed_if};
 use super::super::progress::Working;
-use super::document::{Document, line};
-use super::{REPORT, files, print_job, to_end};
+use super::document::{Document, details, line};
+use super::{REPORT, described, files, to_end};
 use crate::client::Client;
 use crate::wire::v1;
 use v1::JobState;
@@ -129,7 +129,8 @@ pub(super) async fn submit(client: &Client, args: Args, json: bool) -> anyhow::R
             format.finish(files)?;
         }
     }
-    print_job(client, job, json).await?;
+    let document = described(client, job).await?;
+    show(json, &document, || details(&document))?;
     succeed_if(has_succeeded || !waits)
 }
 

@@ -17,6 +17,7 @@ use tokio::task::JoinSet;
 use tonic::Code;
 
 use self::robot::{Measured, Schedule, Waits, drive, keyframe};
+use super::choices::number;
 use super::config::Config;
 use super::connect::connect;
 use super::output::{show, succeed_if};
@@ -55,10 +56,7 @@ pub(super) struct Args {
 
 /// A number above 0.
 fn rate(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(rate) if rate > 0.0 && rate < 1e6 => Ok(rate),
-        _ => Err("it must be a number above 0".to_owned()),
-    }
+    number(text, "it must be a number above 0", |&rate| rate > 0.0 && rate < 1e6)
 }
 
 /// The object of `--json`.
@@ -127,7 +125,7 @@ async fn load(args: &Args, config: &Config) -> anyhow::Result<()> {
     let outcome = {
         let work = async {
             make(args, &clients[0], mark, &mut maps, &stopped).await?;
-            send(args, &clients, mark, stopped.clone()).await
+            send(args, &clients, &maps, stopped.clone()).await
         };
         tokio::pin!(work);
         loop {
@@ -198,15 +196,14 @@ async fn make(
 async fn send(
     args: &Args,
     clients: &[Client],
-    mark: u64,
+    maps: &[String],
     stop: watch::Receiver<bool>,
 ) -> anyhow::Result<(Waits, Vec<IngestReport>)> {
     let period = Duration::from_secs_f64(1.0 / args.rate);
     let count = (args.rate * args.seconds).ceil() as usize;
     let mut robots = JoinSet::new();
-    for number in 0..args.maps {
+    for (number, map) in (0_u32..).zip(maps.iter().cloned()) {
         let client = clients[(number / args.maps_per_connection) as usize].clone();
-        let map = format!("{PREFIX}-{mark:08x}-{number}");
         let schedule = Schedule {
             period,
             // Robots are not synchronized with each other.

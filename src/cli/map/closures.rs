@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::super::output::{show, table};
+use super::{Key, key, named};
 use crate::client::Client;
 use crate::wire::v1;
 use v1::constraint::Constraint;
@@ -25,11 +26,11 @@ struct Listed {
 /// A candidate, or a keyframe that was not searched.
 #[derive(Debug, Serialize)]
 struct Row {
-    /// Client and id of the keyframe whose place was searched.
-    keyframe: (String, i64),
-    /// Client and id of the keyframe that looked like it.
+    /// The keyframe whose place was searched.
+    keyframe: Key,
+    /// The keyframe that looked like it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    candidate: Option<(String, i64)>,
+    candidate: Option<Key>,
     score: f64,
     matches: i32,
     /// `closed`, `switched_off`, `provisional`, `removed`, or the reason of the refusal.
@@ -55,15 +56,11 @@ pub(super) async fn closures(client: &Client, name: String, json: bool) -> anyho
 /// A relative pose of the map.
 struct State {
     verdict: &'static str,
-    /// Client and id of its first keyframe.
-    from: Option<(String, i64)>,
+    /// Its first keyframe.
+    from: Option<Key>,
 }
 
-type States = BTreeMap<(String, i64), State>;
-
-fn named(keyframe: Option<v1::KeyframeRef>) -> Option<(String, i64)> {
-    keyframe.map(|keyframe| (keyframe.client_id, keyframe.id))
-}
+type States = BTreeMap<Key, State>;
 
 /// What became of each relative pose, by client and id.
 fn states(constraints: Vec<v1::Constraint>) -> States {
@@ -77,49 +74,40 @@ fn states(constraints: Vec<v1::Constraint>) -> States {
         Some(_) => "switched_off",
     };
     let state = |pose: v1::RelativePoseConstraint| {
-        let (verdict, from) = (verdict(pose.switched_off), named(pose.keyframe_i));
+        let (verdict, from) = (verdict(pose.switched_off), key(pose.keyframe_i));
         ((pose.client_id, pose.id), State { verdict, from })
     };
     relative.map(state).collect()
 }
 
 fn rows(search: v1::PlaceSearch, states: &States) -> Vec<Row> {
-    let Some(keyframe) = named(search.keyframe) else { return Vec::new() };
+    let Some(keyframe) = key(search.keyframe) else { return Vec::new() };
+    let row = |candidate, (score, matches), verdict: &str, text: &str| {
+        let (keyframe, verdict, text) = (keyframe.clone(), verdict.to_owned(), text.to_owned());
+        Row { keyframe, candidate, score, matches, verdict, text }
+    };
     let closure = search.closure.map(|closure| (closure.client_id, closure.id));
-    let of_search = search.refusal;
-    let accepted = match &closure {
-        Some(closure) => {
-            (states.get(closure).map_or("removed", |state| state.verdict), String::new())
-        }
-        None => ("refused", String::new()),
+    // Of a candidate that has no reason of its own.
+    let (verdict, text) = match (&closure, &search.refusal) {
+        (Some(closure), _) => (states.get(closure).map_or("removed", |state| state.verdict), ""),
+        (None, Some(refusal)) => (&refusal.reason[..], &refusal.text[..]),
+        (None, None) => ("refused", ""),
     };
-    let row = |candidate: v1::PlaceCandidate| {
-        let (verdict, text) = match (candidate.refusal, &of_search) {
-            (Some(refusal), _) => (refusal.reason, refusal.text),
-            (None, Some(refusal)) if closure.is_none() => {
-                (refusal.reason.clone(), refusal.text.clone())
-            }
-            (None, _) => (accepted.0.to_owned(), accepted.1.clone()),
-        };
-        let (score, matches) = (candidate.score, candidate.match_count);
-        let candidate = named(candidate.keyframe);
-        Row { keyframe: keyframe.clone(), candidate, score, matches, verdict, text }
+    let of_candidate = |candidate: v1::PlaceCandidate| {
+        let own = candidate.refusal.as_ref();
+        let (verdict, text) = own.map_or((verdict, text), |own| (&own.reason[..], &own.text[..]));
+        row(key(candidate.keyframe), (candidate.score, candidate.match_count), verdict, text)
     };
-    let mut rows: Vec<Row> = search.candidates.into_iter().map(row).collect();
+    let mut rows: Vec<Row> = search.candidates.into_iter().map(of_candidate).collect();
     if rows.is_empty()
-        && let Some(v1::PlaceRefusal { reason, text }) = &of_search
+        && let Some(v1::PlaceRefusal { reason, text }) = &search.refusal
     {
-        let (verdict, text) = (reason.clone(), text.clone());
-        let (keyframe, candidate) = (keyframe.clone(), None);
-        rows.push(Row { keyframe, candidate, score: 0.0, matches: 0, verdict, text });
+        rows.push(row(None, (0.0, 0), reason, text));
     }
     for closure in search.earlier_closures {
-        let Some(State { verdict, from }) = states.get(&(closure.client_id, closure.id)) else {
-            continue;
-        };
-        let (keyframe, candidate) = (keyframe.clone(), from.clone());
-        let (verdict, text) = ((*verdict).to_owned(), "by an earlier search".to_owned());
-        rows.push(Row { keyframe, candidate, score: 0.0, matches: 0, verdict, text });
+        if let Some(State { verdict, from }) = states.get(&(closure.client_id, closure.id)) {
+            rows.push(row(from.clone(), (0.0, 0), verdict, "by an earlier search"));
+        }
     }
     rows
 }
@@ -128,7 +116,6 @@ fn text(rows: &[Row]) -> String {
     if rows.is_empty() {
         return "no keyframe looked like an earlier one".to_owned();
     }
-    let named = |(client, id): &(String, i64)| format!("{client}/{id}");
     let cells = |row: &Row| {
         [
             named(&row.keyframe),
@@ -139,8 +126,8 @@ fn text(rows: &[Row]) -> String {
             row.text.clone(),
         ]
     };
-    let head = ["keyframe", "candidate", "score", "matches", "verdict", ""].map(str::to_owned);
-    table(std::iter::once(head).chain(rows.iter().map(cells)))
+    let head = ["keyframe", "candidate", "score", "matches", "verdict", ""];
+    table(head, rows.iter().map(cells))
 }
 
 #[cfg(test)]

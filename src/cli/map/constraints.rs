@@ -6,6 +6,7 @@
 use serde::Serialize;
 
 use super::super::output::{show, table};
+use super::{Key, key, named};
 use crate::client::Client;
 use crate::wire::v1;
 use v1::constraint::Constraint;
@@ -25,7 +26,7 @@ struct Row {
     id: i64,
     kind: &'static str,
     /// Client and id of each keyframe: two of a relative pose, one of a prior.
-    keyframes: Vec<(String, i64)>,
+    keyframes: Vec<Key>,
     /// Whether it is left out of every solve.
     switched_off: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -46,14 +47,11 @@ pub(super) async fn constraints(client: &Client, name: String, json: bool) -> an
 }
 
 fn row(message: v1::Constraint) -> Option<Row> {
-    let names = |refs: [Option<v1::KeyframeRef>; 2]| {
-        refs.into_iter().flatten().map(|keyframe| (keyframe.client_id, keyframe.id)).collect()
-    };
-    let entry = |client, id, kind, keyframes, off: Option<v1::SwitchedOff>| Row {
+    let entry = |client, id, kind, keyframes: [_; 2], off: Option<v1::SwitchedOff>| Row {
         client,
         id,
         kind,
-        keyframes: names(keyframes),
+        keyframes: keyframes.into_iter().filter_map(key).collect(),
         switched_off: off.is_some(),
         chi2: off.map(|off| off.chi2),
         weight: off.map(|off| off.weight),
@@ -84,7 +82,6 @@ fn text(rows: &[Row]) -> String {
     if rows.is_empty() {
         return "no constraints".to_owned();
     }
-    let named = |(client, id): &(String, i64)| format!("{client}/{id}");
     let cells = |row: &Row| {
         let keyframes: Vec<String> = row.keyframes.iter().map(named).collect();
         let state = match (row.chi2, row.provisional) {
@@ -94,8 +91,7 @@ fn text(rows: &[Row]) -> String {
         };
         [format!("{}/{}", row.client, row.id), row.kind.to_owned(), keyframes.join(" - "), state]
     };
-    let head = ["constraint", "kind", "keyframes", "state"].map(str::to_owned);
-    table(std::iter::once(head).chain(rows.iter().map(cells)))
+    table(["constraint", "kind", "keyframes", "state"], rows.iter().map(cells))
 }
 
 #[cfg(test)]

@@ -28,15 +28,11 @@ pub(super) struct Document {
     merged_maps: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     landmark_bounds: Option<[[f64; 3]; 2]>,
-    #[serde(flatten, skip_serializing_if = "Option::is_none")]
-    digests: Option<Digests>,
-}
-
-/// What `show` adds: SHA-256 in hex, as `GetMapResponse` describes them.
-#[derive(Debug, Serialize)]
-struct Digests {
-    keyframe_ids_digest: String,
-    state_hash: String,
+    /// What `show` adds: SHA-256 in hex, as `GetMapResponse` describes them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    keyframe_ids_digest: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    state_hash: Option<String>,
 }
 
 #[derive(Debug, Serialize)]
@@ -49,11 +45,9 @@ struct ClientDocument {
 impl Document {
     /// A map with its digests.
     pub(super) fn with_digests(map: v1::Map, digests: &MapDigests) -> Self {
-        let digests = Digests {
-            keyframe_ids_digest: hex(&digests.keyframe_ids_digest),
-            state_hash: hex(&digests.state_hash),
-        };
-        Self { digests: Some(digests), ..Self::from(map) }
+        let keyframe_ids_digest = Some(hex(&digests.keyframe_ids_digest));
+        let state_hash = Some(hex(&digests.state_hash));
+        Self { keyframe_ids_digest, state_hash, ..Self::from(map) }
     }
 }
 
@@ -93,7 +87,8 @@ impl From<v1::Map> for Document {
                 .collect(),
             merged_maps: map.merged_maps.into_iter().map(|merged| merged.map_id).collect(),
             landmark_bounds: bounds.and_then(|b| Some([corner(b.min)?, corner(b.max)?])),
-            digests: None,
+            keyframe_ids_digest: None,
+            state_hash: None,
         }
     }
 }
@@ -140,9 +135,7 @@ pub(super) fn details(map: &Document) -> String {
         let corner = |c: [f64; 3]| format!("({:.3}, {:.3}, {:.3})", c[0], c[1], c[2]);
         rows.push(("bounds (m)", format!("{} to {}", corner(min), corner(max))));
     }
-    if let Some(digests) = &map.digests {
-        rows.push(("state hash", digests.state_hash.clone()));
-    }
+    rows.extend(map.state_hash.clone().map(|hash| ("state hash", hash)));
     for c in &map.clients {
         let text = format!("{}, epoch {}, goes on at {}", c.client, c.epoch, c.next_sequence);
         rows.push(("client", text));

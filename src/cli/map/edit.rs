@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use tokio::sync::mpsc;
 
-use super::super::output::print;
+use super::super::output::show;
 use crate::client::{Client, IngestReport, Item, SessionOptions, WatchOptions, describe_violation};
 use crate::wire::v1;
 
@@ -88,7 +88,7 @@ enum Edit {
         #[arg(required = true, allow_negative_numbers = true)]
         numbers: Vec<f64>,
         /// Size of the image in pixels, for instance 640x480; as it is where absent.
-        #[arg(long, value_name = "WIDTHxHEIGHT")]
+        #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
         size: Option<Size>,
     },
 }
@@ -125,22 +125,14 @@ impl Named {
     }
 }
 
-/// The size of an image in pixels.
-#[derive(Clone, Copy, Debug)]
-struct Size {
-    width_px: i32,
-    height_px: i32,
-}
+/// Width and height of an image in pixels.
+type Size = (i32, i32);
 
-impl FromStr for Size {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let wrong = || format!("{text} is not WIDTHxHEIGHT, for instance 640x480");
-        let (width, height) = text.split_once('x').ok_or_else(wrong)?;
-        let read = |number: &str| number.parse().map_err(|_number| wrong());
-        Ok(Self { width_px: read(width)?, height_px: read(height)? })
-    }
+fn size(text: &str) -> Result<Size, String> {
+    let numbers = text.split_once('x');
+    let size =
+        numbers.and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    size.ok_or_else(|| format!("{text} is not WIDTHxHEIGHT, for instance 640x480"))
 }
 
 /// What was done, in `--json`.
@@ -187,7 +179,7 @@ impl From<v1::Map> for Counts {
 /// Fails for an edit that the server refuses, naming the fields.
 pub(super) async fn run(args: Args, client: &Client, json: bool) -> anyhow::Result<()> {
     let Args { name, client: editor, optimized, edit } = args;
-    let (feature, what) = (edit.feature(), edit.to_string());
+    let (feature, what) = edit.described();
     let info = client.server_info().await?;
     if !info.features.iter().any(|served| served == feature) {
         bail!("the server, version {}, does not serve {feature}", info.version);
@@ -226,7 +218,7 @@ pub(super) async fn run(args: Args, client: &Client, json: bool) -> anyhow::Resu
         map: name,
         client: editor,
     };
-    print(if json { serde_json::to_string(&done)? } else { text(&done) })
+    show(json, &done, || text(&done))
 }
 
 /// Waits until the server has said that everything up to `sequence` is durable.
@@ -271,15 +263,33 @@ fn text(done: &Done) -> String {
 }
 
 impl Edit {
-    /// What a server must list to take it.
-    fn feature(&self) -> &'static str {
+    /// What a server must list to take it, and what it does.
+    fn described(&self) -> (&'static str, String) {
         match self {
-            Self::RevokeConstraint { .. } => "ingest.revoke-constraint",
-            Self::RemoveObservations { .. } => "ingest.remove-observations",
-            Self::FuseLandmarks { .. } => "ingest.fuse-landmarks",
-            Self::RemoveLandmarks { .. } => "ingest.remove-landmarks",
-            Self::RemoveKeyframe { .. } => "ingest.remove-keyframe",
-            Self::SetCamera { .. } => "ingest.set-camera",
+            Self::RevokeConstraint { owner, id } => {
+                ("ingest.revoke-constraint", format!("constraint {id} of {owner} is revoked"))
+            }
+            Self::RemoveObservations { owner, keyframe, landmarks } => {
+                let count = landmarks.len();
+                let text = format!(
+                    "{count} landmarks are no longer seen by keyframe {keyframe} of {owner}"
+                );
+                ("ingest.remove-observations", text)
+            }
+            Self::FuseLandmarks { owner, kept, absorbed } => {
+                let count = absorbed.len() + 1;
+                let text = format!("{count} landmarks are now landmark {kept} of {owner}");
+                ("ingest.fuse-landmarks", text)
+            }
+            Self::RemoveLandmarks { landmarks, .. } => {
+                ("ingest.remove-landmarks", format!("{} landmarks are removed", landmarks.len()))
+            }
+            Self::RemoveKeyframe { owner, id } => {
+                ("ingest.remove-keyframe", format!("keyframe {id} of {owner} is removed"))
+            }
+            Self::SetCamera { owner, id, .. } => {
+                ("ingest.set-camera", format!("camera {id} of {owner} is replaced"))
+            }
         }
     }
 
@@ -314,7 +324,7 @@ impl Edit {
             }
             Self::SetCamera { owner, id, model, numbers, size } => {
                 let model = Some(model.message(&numbers)?);
-                let Size { width_px, height_px } = match size {
+                let (width_px, height_px) = match size {
                     Some(size) => size,
                     None => present_size(client, map, &owner, id).await?,
                 };
@@ -339,8 +349,7 @@ async fn present_size(client: &Client, map: &str, owner: &str, id: i64) -> anyho
     let mut watch = client.watch(map, options).await?;
     let cameras = &watch.next().await?.cameras;
     let known = cameras.get(&(owner.to_owned(), id));
-    let size = known.map(|camera| Size { width_px: camera.width_px, height_px: camera.height_px });
-    Ok(size.unwrap_or(Size { width_px: 0, height_px: 0 }))
+    Ok(known.map(|camera| (camera.width_px, camera.height_px)).unwrap_or_default())
 }
 
 impl Model {
@@ -367,27 +376,5 @@ impl Model {
             (Self::Pinhole | Self::KannalaBrandt | Self::Snavely, _) => None,
         };
         model.with_context(wrong)
-    }
-}
-
-impl std::fmt::Display for Edit {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::RevokeConstraint { owner, id } => {
-                write!(f, "constraint {id} of {owner} is revoked")
-            }
-            Self::RemoveObservations { owner, keyframe, landmarks } => {
-                let count = landmarks.len();
-                write!(f, "{count} landmarks are no longer seen by keyframe {keyframe} of {owner}")
-            }
-            Self::FuseLandmarks { owner, kept, absorbed } => {
-                write!(f, "{} landmarks are now landmark {kept} of {owner}", absorbed.len() + 1)
-            }
-            Self::RemoveLandmarks { landmarks, .. } => {
-                write!(f, "{} landmarks are removed", landmarks.len())
-            }
-            Self::RemoveKeyframe { owner, id } => write!(f, "keyframe {id} of {owner} is removed"),
-            Self::SetCamera { owner, id, .. } => write!(f, "camera {id} of {owner} is replaced"),
-        }
     }
 }

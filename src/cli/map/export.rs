@@ -10,7 +10,7 @@ use anyhow::bail;
 use fs_err as fs;
 use serde::Serialize;
 
-use super::super::output::print;
+use super::super::output::show;
 use super::super::progress::Working;
 use super::files::Format;
 use crate::client::{Client, ClientError, MapExport};
@@ -18,10 +18,15 @@ use crate::wire::v1;
 
 /// Files of an export in `--json`.
 #[derive(Debug, Serialize)]
-struct Exported {
+struct Exported<'a> {
     map: String,
     revision: i64,
-    files: Vec<PathBuf>,
+    files: &'a [PathBuf],
+}
+
+/// Paths below each other.
+pub(in crate::cli) fn path_lines(files: &[PathBuf]) -> String {
+    files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("\n")
 }
 
 /// Exports a map and prints the paths of the files.
@@ -37,10 +42,7 @@ pub(super) async fn export(
     let revision = export.header().revision;
     let files = format.finish(write(export, out).await?)?;
     drop(working);
-    if json {
-        return print(serde_json::to_string(&Exported { map: name, revision, files })?);
-    }
-    files.iter().try_for_each(|file| print(file.display()))
+    show(json, &Exported { map: name, revision, files: &files }, || path_lines(&files))
 }
 
 /// Writes the files of an export and returns their paths. An export of one file goes to `out`

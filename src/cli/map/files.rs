@@ -7,6 +7,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use covis_solvers::io::colmap::ColmapEncoding;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use fs_err as fs;
 use tokio::sync::mpsc;
@@ -16,7 +17,7 @@ use super::super::formats::extension;
 use super::super::output::show;
 use super::super::progress::Working;
 use super::document::{Document, details};
-use crate::client::Client;
+use crate::client::{Client, ClientError};
 use crate::wire::v1;
 
 /// Bytes of a file in one message.
@@ -116,23 +117,17 @@ pub(super) async fn import(client: &Client, args: ImportArgs, json: bool) -> any
         ..v1::ImportMapHeader::default()
     };
     let working = Working::new(format_args!("importing {}", path.display()));
-    let (sender, chunks) = mpsc::channel(2);
-    let reading = tokio::task::spawn_blocking(move || {
-        files.iter().try_for_each(|(path, file)| match format.trajectories() {
-            Some(format) => send_converted(path, file, format, &sender),
-            None => send(path, file, &sender),
-        })
+    let answer = upload(files, format.trajectories(), async |chunks| {
+        client.import_map(header, chunks).await
     });
-    let answer = client.import_map(header, ReceiverStream::new(chunks)).await;
-    // A file that cannot be read is the cause of what the server says of it.
-    reading.await.context("the files were not read to their end")??;
+    let answer = answer.await?;
     drop(working);
-    let map = Document::from(answer?);
+    let map = Document::from(answer);
     show(json, &map, || details(&map))
 }
 
 /// The files to send, by their names in the upload.
-type Files = Vec<(String, PathBuf)>;
+pub(in crate::cli) type Files = Vec<(String, PathBuf)>;
 
 /// The format of a path, and its files.
 fn find(path: &Path, format: Option<Format>) -> anyhow::Result<(Format, Files)> {
@@ -166,12 +161,8 @@ fn in_folder(folder: &Path, format: Option<Format>) -> anyhow::Result<(Format, F
         None => Format::Tum,
     };
     let names: Vec<String> = match told {
-        Format::ColmapBinary => {
-            ["cameras.bin", "images.bin", "points3D.bin"].map(str::to_owned).into()
-        }
-        Format::ColmapText => {
-            ["cameras.txt", "images.txt", "points3D.txt"].map(str::to_owned).into()
-        }
+        Format::ColmapBinary => ColmapEncoding::Binary.file_names().map(str::to_owned).into(),
+        Format::ColmapText => ColmapEncoding::Text.file_names().map(str::to_owned).into(),
         Format::Covis => vec!["map.covis".to_owned()],
         Format::G2o => vec!["graph.g2o".to_owned()],
         Format::Ply => vec!["map.ply".to_owned()],
@@ -192,29 +183,33 @@ fn in_folder(folder: &Path, format: Option<Format>) -> anyhow::Result<(Format, F
     Ok((told, names.into_iter().map(|name| (name.clone(), folder.join(name))).collect()))
 }
 
+/// Sends files by `call`, which gets their chunks. Trajectories in a format of their own become the
+/// server's form on the way.
+pub(in crate::cli) async fn upload<T>(
+    files: Files,
+    format: Option<TrajectoryFormat>,
+    call: impl AsyncFnOnce(ReceiverStream<v1::FileChunk>) -> Result<T, ClientError>,
+) -> anyhow::Result<T> {
+    let (sender, chunks) = mpsc::channel(2);
+    let reading = tokio::task::spawn_blocking(move || {
+        files.iter().try_for_each(|(path, file)| match format {
+            None => send(path, fs::File::open(file)?, &sender),
+            Some(_) => {
+                let (trajectory, _) = Trajectory::read_any(file, format)?;
+                let name = Path::new(path).with_extension("tum");
+                send(&name.to_string_lossy(), &trajectory.to_bytes()[..], &sender)
+            }
+        })
+    });
+    let answer = call(ReceiverStream::new(chunks)).await;
+    // A file that cannot be read is the cause of what the server says of it.
+    reading.await.context("the files were not read to their end")??;
+    Ok(answer?)
+}
+
 /// Sends a file in chunks. Ends early where nobody takes them any more; the call's answer then says
 /// why.
-pub(in crate::cli) fn send(
-    path: &str,
-    file: &Path,
-    chunks: &mpsc::Sender<v1::FileChunk>,
-) -> anyhow::Result<()> {
-    send_all(path, fs::File::open(file)?, chunks)
-}
-
-/// As [`send`], of a trajectory that becomes the server's form on the way.
-fn send_converted(
-    path: &str,
-    file: &Path,
-    format: TrajectoryFormat,
-    chunks: &mpsc::Sender<v1::FileChunk>,
-) -> anyhow::Result<()> {
-    let (trajectory, _) = Trajectory::read_any(file, Some(format))?;
-    let name = Path::new(path).with_extension("tum");
-    send_all(&name.to_string_lossy(), &trajectory.to_bytes()[..], chunks)
-}
-
-fn send_all(
+fn send(
     path: &str,
     mut file: impl Read,
     chunks: &mpsc::Sender<v1::FileChunk>,

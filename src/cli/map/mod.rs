@@ -18,12 +18,12 @@ use self::document::{Document, details, table};
 use self::files::{Format, ImportArgs};
 use super::config::Config;
 use super::connect::with_client;
-use super::output::{print, show};
+use super::output::show;
 use crate::client::Client;
 use crate::wire::v1;
 
-pub(in crate::cli) use export::{write, write_files};
-pub(in crate::cli) use files::{Format as MapFormat, send};
+pub(in crate::cli) use export::{path_lines, write, write_files};
+pub(in crate::cli) use files::{Files, Format as MapFormat, upload};
 
 /// Lists, shows, changes, moves and deletes the maps of a server.
 #[derive(Debug, clap::Args)]
@@ -103,6 +103,17 @@ pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
     with_client(config, async |client| act(args, client).await)
 }
 
+/// The client of something, and its id.
+type Key = (String, i64);
+
+fn key(keyframe: Option<v1::KeyframeRef>) -> Option<Key> {
+    keyframe.map(|keyframe| (keyframe.client_id, keyframe.id))
+}
+
+fn named((client, id): &Key) -> String {
+    format!("{client}/{id}")
+}
+
 async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> {
     match action {
         Action::List => {
@@ -121,8 +132,8 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
         Action::Unfreeze { name } => set_frozen(&client, name, false, json).await,
         Action::Delete { name } => {
             client.delete_map(&name).await?;
-            let document = || serde_json::json!({ "map": name, "deleted": true }).to_string();
-            print(if json { document() } else { format!("map {name} is deleted") })
+            let document = serde_json::json!({ "map": name, "deleted": true });
+            show(json, &document, || format!("map {name} is deleted"))
         }
         Action::Export { name, format, out } => {
             export::export(&client, name, format, &out, json).await

@@ -12,29 +12,27 @@
 //! | `schemas` | generated from `proto/foxglove` and `proto/covis/recording` |
 //!
 //! Times of a recording are capture times, never this machine's: the map of a robot of yesterday plays as the
-//! robot drove, and a map that does not change gives the same bytes each time. Built with the feature `mcap`.
+//! robot drove, and a map that does not change gives the same bytes each time. Without the feature `mcap`
+//! there is no sink, and nothing is recorded.
 
-#[cfg(not(feature = "mcap"))]
-mod lacking;
-#[cfg(feature = "mcap")]
 mod of_run;
-#[cfg(feature = "mcap")]
 mod recorder;
-#[cfg(feature = "mcap")]
 mod scene;
-#[cfg(feature = "mcap")]
 mod schemas;
-#[cfg(feature = "mcap")]
+#[cfg_attr(not(feature = "mcap"), path = "no_sink.rs")]
 mod sink;
-#[cfg(feature = "mcap")]
 mod surface;
 
 use std::path::PathBuf;
+use std::time::Duration;
 
+use anyhow::Context;
+
+use super::choices::number;
 use super::config::Config;
-#[cfg(not(feature = "mcap"))]
-pub(super) use lacking::{FrameWriter, RunRecording};
-#[cfg(feature = "mcap")]
+use super::connect::connect;
+use super::output::print;
+use super::signals::Signals;
 pub(super) use of_run::{FrameWriter, RunRecording};
 
 /// Arguments of `covis record`.
@@ -58,24 +56,15 @@ pub(super) struct Args {
 fn seconds(text: &str) -> Result<f64, String> {
     /// A month.
     const MOST: f64 = 2.7e6;
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=MOST).contains(&value) => Ok(value),
-        Ok(_) | Err(_) => Err(format!("must be a number of seconds from 0 to {MOST}")),
-    }
+    let must = format!("must be a number of seconds from 0 to {MOST}");
+    number(text, &must, |seconds| (0.0..=MOST).contains(seconds))
 }
 
 /// Records a map.
 /// Fails for a server that is not there, a map that it does not have, and a file that cannot be written.
-#[cfg(feature = "mcap")]
 pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
-    use std::time::Duration;
-
-    use anyhow::Context;
-
-    use super::connect::connect;
-    use super::output::print;
-    use super::signals::Signals;
-
+    sink::available()
+        .with_context(|| format!("{} cannot be recorded to {}", args.map, args.out.display()))?;
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
     runtime.block_on(async {
         let mut signals = Signals::new().context("signals")?;
@@ -86,14 +75,10 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         let follows = args.follow || args.for_s.is_some();
         // A signal ends a recording as its time does: what was recorded is a complete file.
         let end = async {
-            match args.for_s {
-                Some(seconds) => {
-                    let pause = tokio::time::sleep(Duration::from_secs_f64(seconds));
-                    tokio::select! { () = pause => {}, _ = signals.next() => {} }
-                }
-                None => {
-                    signals.next().await;
-                }
+            let pause = Duration::from_secs_f64(args.for_s.unwrap_or_default());
+            tokio::select! {
+                () = tokio::time::sleep(pause), if args.for_s.is_some() => {}
+                _ = signals.next() => {}
             }
         };
         let written = recorder.record(&sink, follows, end).await?;
@@ -103,15 +88,3 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         print(format_args!("{written} messages in {}", args.out.display()))
     })
 }
-
-/// Says that this program cannot record.
-#[cfg(not(feature = "mcap"))]
-pub(super) fn run(args: &Args, _config: &Config) -> anyhow::Result<()> {
-    let Args { map, out, follow: _, for_s: _, every: _ } = args;
-    anyhow::bail!("{map} cannot be recorded to {}: {LACKING}", out.display())
-}
-
-/// Why a program without the feature does not record, and what to do.
-#[cfg(not(feature = "mcap"))]
-pub(super) const LACKING: &str =
-    "this covis was built without MCAP; build it with `cargo build --release --features mcap`";

@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use anyhow::anyhow;
+use anyhow::{Context, anyhow, ensure};
 use tokio::sync::oneshot;
 use tokio::task;
 
@@ -18,7 +18,7 @@ use super::recorder::Recorder;
 use super::scene::{Frames, timestamp};
 use super::schemas::figures::{FrameFigures, SolveFigures};
 use super::schemas::foxglove::CompressedImage;
-use super::sink::Sink;
+use super::sink::{self, Sink};
 use super::surface::surface;
 use crate::client::Client;
 use crate::frontend::dense::surface::Mesh;
@@ -50,10 +50,8 @@ impl RunRecording {
         path: &Path,
         lock_step: bool,
     ) -> anyhow::Result<Self> {
-        anyhow::ensure!(
-            path.as_os_str() != "-",
-            "--mcap takes a file: standard output has the figures"
-        );
+        sink::available().with_context(|| format!("--mcap {}", path.display()))?;
+        ensure!(path.as_os_str() != "-", "--mcap takes a file: standard output has the figures");
         let mut recorder = Recorder::open(client, map, EVERY).await?;
         let sink = Arc::new(Sink::create(path)?);
         let (end, ended) = oneshot::channel();
@@ -76,8 +74,8 @@ impl RunRecording {
         FrameWriter {
             sink: Arc::clone(&self.sink),
             waits: self.lock_step,
-            images: Some(images),
-            compressor: Some(compressor),
+            images,
+            compressor,
             left_out: 0,
             failure: None,
         }
@@ -120,8 +118,8 @@ impl RunRecording {
 pub(in crate::cli) struct FrameWriter {
     sink: Arc<Sink>,
     waits: bool,
-    images: Option<SyncSender<(u64, Image<[u8; 3]>)>>,
-    compressor: Option<JoinHandle<anyhow::Result<()>>>,
+    images: SyncSender<(u64, Image<[u8; 3]>)>,
+    compressor: JoinHandle<anyhow::Result<()>>,
     left_out: usize,
     failure: Option<anyhow::Error>,
 }
@@ -142,7 +140,7 @@ impl FrameWriter {
         if outcome.keyframe.is_none() {
             return;
         }
-        let Some(images) = &self.images else { return };
+        let images = &self.images;
         let image = (time_ns, frame.color.clone());
         let is_sent =
             if self.waits { images.send(image).is_ok() } else { images.try_send(image).is_ok() };
@@ -150,11 +148,9 @@ impl FrameWriter {
     }
 
     /// Waits for the last image. Returns how many were left out.
-    fn finish(mut self) -> anyhow::Result<usize> {
-        drop(self.images.take());
-        if let Some(compressor) = self.compressor.take() {
-            compressor.join().map_err(|_panic| anyhow!("the thread for images panicked"))??;
-        }
+    fn finish(self) -> anyhow::Result<usize> {
+        drop(self.images);
+        self.compressor.join().map_err(|_panic| anyhow!("the thread for images panicked"))??;
         self.failure.map_or(Ok(self.left_out), Err)
     }
 }

@@ -49,6 +49,11 @@ impl fmt::Debug for Sink {
     }
 }
 
+/// Whether this program can record: it can.
+pub(super) fn available() -> anyhow::Result<()> {
+    Ok(())
+}
+
 impl Sink {
     /// Opens a file, which is replaced, or standard output for `-`.
     pub(in crate::cli) fn create(path: &Path) -> anyhow::Result<Self> {

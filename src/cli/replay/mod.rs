@@ -18,6 +18,7 @@ use anyhow::{Context, anyhow, bail};
 use tokio::time::Instant;
 use tonic::Code;
 
+use super::choices::number;
 use super::config::Config;
 use super::connect::connect_patiently;
 use super::output::{print, succeed_if};
@@ -109,8 +110,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
     let work = async {
         let client = connect_patiently(config, retry).await?;
         prepare_map(&client, &map_id, args, retry).await?;
-        let target = Target { map_id: &map_id, client_id: &stem, retry };
-        let report = stream(&client, &target, recording, args, &levels).await?;
+        let report = stream(&client, (&map_id, &stem), retry, recording, args, &levels).await?;
         for rejected in report.rejections.iter().take(SHOWN_REJECTIONS) {
             let violations: Vec<String> =
                 rejected.violations.iter().map(describe_violation).collect();
@@ -186,17 +186,11 @@ async fn create_map(
     }
 }
 
-/// Where items go.
-struct Target<'a> {
-    map_id: &'a str,
-    client_id: &'a str,
-    retry: RetryPolicy,
-}
-
 /// Sends all items and waits for every ack.
 async fn stream(
     client: &Client,
-    target: &Target<'_>,
+    (map_id, client_id): (&str, &str),
+    retry: RetryPolicy,
     recording: &Recording,
     args: &Args,
     levels: &Arc<Mutex<Levels>>,
@@ -206,24 +200,22 @@ async fn stream(
     let options = SessionOptions {
         lock_step: !args.no_lock_step,
         omit_solve_summary: true,
-        retry: target.retry,
+        retry,
         spill: args.spill_dir.clone().map(|directory| SpillOptions {
             directory,
             max_bytes: args.spill_bytes.unwrap_or(SPILL_BYTES),
         }),
         ..SessionOptions::default()
     };
-    let options = {
-        let (progress, levels) = (Arc::clone(&progress), Arc::clone(levels));
-        options.on_ack(move |ack| {
-            let mut levels = levels.lock();
-            let before = levels.keyframes().received;
-            levels.take(ack);
-            let more = levels.keyframes().received.saturating_sub(before);
-            progress.lock().advance(more as u64);
-        })
-    };
-    let mut session = client.ingest(target.map_id, target.client_id, options).await?;
+    let (shown, taken) = (Arc::clone(&progress), Arc::clone(levels));
+    let options = options.on_ack(move |ack| {
+        let mut levels = taken.lock();
+        let before = levels.keyframes().received;
+        levels.take(ack);
+        let more = levels.keyframes().received.saturating_sub(before);
+        shown.lock().advance(more as u64);
+    });
+    let mut session = client.ingest(map_id, client_id, options).await?;
     let limit = usize::try_from(session.opened().max_message_bytes).unwrap_or(usize::MAX);
     // What an earlier run left is on its way already.
     let left = session.left_over().map_or(0, |left| left.last_sequence);
@@ -278,10 +270,7 @@ async fn optimize(client: &Client, map_id: &str) -> Result<v1::OptimizeMapResult
 
 /// Keyframes a second: above 0.
 fn rate(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(rate) if rate > 0.0 && f64::is_finite(rate) => Ok(rate),
-        _ => Err("it must be a number above 0".to_owned()),
-    }
+    number(text, "it must be a number above 0", |&rate| rate > 0.0 && f64::is_finite(rate))
 }
 
 /// Seconds, at least 0.

@@ -21,7 +21,7 @@ use crate::frontend::mapping::messages;
 use crate::wire::v1;
 
 /// A file that can be streamed.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Recording {
     /// Start values and observations; one pose a keyframe, in order.
     pub(super) problem: BundleProblem,
@@ -42,7 +42,7 @@ pub(super) struct Recording {
 impl Recording {
     /// Reads a BAL file or a COLMAP folder.
     pub(super) fn read(path: &Path) -> anyhow::Result<Self> {
-        if path.is_dir() {
+        let recording = if path.is_dir() {
             let model = ColmapModel::read(path)?;
             let solved = model.to_problem()?;
             let size = |length: u64| i32::try_from(length).unwrap_or_default();
@@ -54,28 +54,29 @@ impl Recording {
             }
             let ids = |ids: &[u32]| ids.iter().map(|&id| i64::from(id)).collect();
             let (keyframe_ids, camera_ids) = (ids(&solved.image_ids), ids(&solved.camera_ids));
-            Ok(Self::new(solved.problem, keyframe_ids, camera_ids, image_sizes, landmark_ids))
+            let problem = solved.problem;
+            Self { problem, keyframe_ids, camera_ids, image_sizes, landmark_ids, ..Self::default() }
         } else {
             let problem = BalFile::read(path)?.to_problem();
             let ids = |count: usize| (0..).take(count).collect::<Vec<i64>>();
-            let (cameras, landmarks) = (problem.cameras.len(), problem.landmarks.len());
-            let image_sizes = vec![(0, 0); cameras];
-            let keyframe_ids = ids(problem.poses.len());
-            Ok(Self::new(problem, keyframe_ids, ids(cameras), image_sizes, ids(landmarks)))
-        }
+            Self {
+                keyframe_ids: ids(problem.poses.len()),
+                camera_ids: ids(problem.cameras.len()),
+                image_sizes: vec![(0, 0); problem.cameras.len()],
+                landmark_ids: ids(problem.landmarks.len()),
+                problem,
+                ..Self::default()
+            }
+        };
+        Ok(recording.with_observations())
     }
 
-    fn new(
-        problem: BundleProblem,
-        keyframe_ids: Vec<i64>,
-        camera_ids: Vec<i64>,
-        image_sizes: Vec<(i32, i32)>,
-        landmark_ids: Vec<i64>,
-    ) -> Self {
-        let mut observations = vec![Vec::new(); problem.poses.len()];
+    /// Sorts the problem's observations by pose, and leaves out those that stand twice.
+    fn with_observations(self) -> Self {
+        let mut observations = vec![Vec::new(); self.problem.poses.len()];
         let mut seen = std::collections::BTreeSet::new();
         let mut repeated = 0;
-        let batch = &problem.reprojections;
+        let batch = &self.problem.reprojections;
         for (index, (&pose, &landmark)) in batch.poses.iter().zip(&batch.landmarks).enumerate() {
             let pixel = &batch.pixels[index];
             if seen.insert((pose, landmark, pixel.x.to_bits(), pixel.y.to_bits())) {
@@ -84,15 +85,7 @@ impl Recording {
                 repeated += 1;
             }
         }
-        Self {
-            problem,
-            keyframe_ids,
-            camera_ids,
-            image_sizes,
-            landmark_ids,
-            observations,
-            repeated,
-        }
+        Self { observations, repeated, ..self }
     }
 }
 

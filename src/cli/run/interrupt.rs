@@ -4,13 +4,8 @@
 use std::io;
 use std::sync::{Arc, OnceLock};
 
-use covis_solvers::geometry::PinholeRadialTangential;
-
 use super::super::output::signal_code;
 use super::super::signals::Signals;
-use super::source::Peeked;
-use crate::frontend::image::RgbdFrame;
-use crate::frontend::input::{FrameError, FrameSource, SensorTiming};
 
 /// The signal that a run has got; by default none, and none is caught.
 #[derive(Clone, Debug, Default)]
@@ -41,29 +36,5 @@ impl Interrupt {
     /// The name of the signal.
     pub(super) fn signal(&self) -> Option<&'static str> {
         self.0.get().copied()
-    }
-}
-
-/// A source that has no more frames after a signal.
-pub(super) struct Interruptible {
-    pub(super) frames: Peeked,
-    pub(super) interrupt: Interrupt,
-}
-
-impl FrameSource for Interruptible {
-    fn camera(&self) -> &PinholeRadialTangential {
-        self.frames.camera()
-    }
-
-    fn timing(&self) -> SensorTiming {
-        self.frames.timing()
-    }
-
-    fn len(&self) -> usize {
-        self.frames.len()
-    }
-
-    fn next_frame(&mut self) -> Option<Result<RgbdFrame, FrameError>> {
-        if self.interrupt.signal().is_some() { None } else { self.frames.next_frame() }
     }
 }

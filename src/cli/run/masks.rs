@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use fs_err as fs;
 
+use super::super::eval::mask::time_of_name;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::{decode, encode};
 
@@ -19,7 +20,8 @@ pub(super) struct GivenMasks {
     by_time_us: BTreeMap<i64, PathBuf>,
 }
 
-fn microseconds(seconds: f64) -> i64 {
+/// A time in whole microseconds.
+pub(in crate::cli) fn microseconds(seconds: f64) -> i64 {
     (seconds * 1e6).round() as i64
 }
 
@@ -30,9 +32,7 @@ impl GivenMasks {
         for entry in fs::read_dir(folder)? {
             let path = entry?.path();
             let is_png = path.extension().is_some_and(|extension| extension == "png");
-            let stem = path.file_stem().and_then(|stem| stem.to_str());
-            let time = stem.and_then(|stem| stem.parse::<f64>().ok()).filter(|t| t.is_finite());
-            if let (true, Some(time)) = (is_png, time) {
+            if let (true, Some(time)) = (is_png, time_of_name(&path)) {
                 by_time_us.insert(microseconds(time), path);
             }
         }
@@ -54,28 +54,14 @@ impl GivenMasks {
     }
 }
 
-/// A folder for masks.
-#[derive(Debug)]
-pub(super) struct SavedMasks {
-    folder: PathBuf,
-}
-
-impl SavedMasks {
-    /// Makes the folder.
-    pub(super) fn open(folder: &Path) -> anyhow::Result<Self> {
-        fs::create_dir_all(folder)?;
-        Ok(Self { folder: folder.to_owned() })
-    }
-
-    /// Writes the mask of a frame; all black where nothing was looked for.
-    pub(super) fn write(
-        &self,
-        frame: &RgbdFrame,
-        moving: Option<&Image<u8>>,
-    ) -> anyhow::Result<()> {
-        let empty = || frame.color.map(|_| 0_u8);
-        let mask = moving.map_or_else(empty, Clone::clone);
-        let path = self.folder.join(format!("{:.6}.png", frame.timestamp_s));
-        Ok(fs::write(path, encode::gray8(&mask)?)?)
-    }
+/// Writes the mask of a frame into a folder; all black where nothing was looked for.
+pub(super) fn save(
+    folder: &Path,
+    frame: &RgbdFrame,
+    moving: Option<&Image<u8>>,
+) -> anyhow::Result<()> {
+    let empty = || frame.color.map(|_| 0_u8);
+    let mask = moving.map_or_else(empty, Clone::clone);
+    let path = folder.join(format!("{:.6}.png", frame.timestamp_s));
+    Ok(fs::write(path, encode::gray8(&mask)?)?)
 }

@@ -6,7 +6,7 @@
 
 pub(super) mod dense;
 mod interrupt;
-mod masks;
+pub(super) mod masks;
 mod page;
 pub(super) mod report;
 mod source;
@@ -20,7 +20,7 @@ use fs_err as fs;
 use super::config::Config;
 use super::connect::{Embedded, connect};
 use super::formats::of_trajectories;
-use super::html::{self, ReportFlag};
+use super::html::ReportFlag;
 use super::output::{ended_by, show};
 use super::progress::Progress;
 use super::record::{FrameWriter, RunRecording};
@@ -32,8 +32,8 @@ use crate::frontend::local_map::MOST_KEYFRAMES;
 use crate::frontend::mapping::run::{Companion, MOST_HELD, RunReport, Target, run as track};
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::{Dense, DenseOptions};
-use interrupt::{Interrupt, Interruptible};
-use masks::{GivenMasks, SavedMasks};
+pub(super) use interrupt::Interrupt;
+use masks::GivenMasks;
 use page::FinalMap;
 pub(super) use source::{Drawing, Peeked, Recorded, Source};
 
@@ -190,12 +190,10 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     let document =
         report::document(&report, dense.as_ref().map(|dense| &dense.report).zip(mesh), signal);
     let flag = args.report_flag();
-    if let Some(path) = &flag.path {
-        let title = format!("Run of {}", args.source);
-        html::write(path, page::page(&title, &document, &report, map.as_ref()))?;
-    }
+    let title = format!("Run of {}", args.source);
+    flag.write(|| page::page(&title, &document, &report, map.as_ref()))?;
     show(args.json, &document, || report::table(&document, &args.out))?;
-    html::tell(args.json, &flag)?;
+    flag.tell(args.json)?;
     match report.failure {
         Some(failure) => Err(failure).context("the session with the server ended early"),
         None => signal.map_or(Ok(()), |signal| Err(ended_by(signal))),
@@ -233,7 +231,7 @@ pub(super) async fn sequence(
     let Some(timing) = SensorTiming::new(readout_s, depth_late_s) else {
         bail!("--readout-ms must be 0 to 100 and --depth-late-ms -100 to 100");
     };
-    let frames = Peeked::new(source)?;
+    let frames = Peeked::new(source, options.interrupt.clone())?;
     let camera = frames.frame_camera()?;
     let dense = match &options.dense {
         Some(dense) => Some((dense::start(dense, &camera, options.threads)?, dense.every)),
@@ -253,11 +251,14 @@ pub(super) async fn sequence(
         }
         None => None,
     };
+    if let Some(folder) = &options.saved_masks {
+        fs::create_dir_all(folder)?;
+    }
     let companion = Watcher {
         frames: recording.as_ref().map(RunRecording::frames),
         progress: Progress::new("frames", frames.source.len() as u64),
         given: options.mask_dir.as_deref().map(GivenMasks::open).transpose()?,
-        saved: options.saved_masks.as_deref().map(SavedMasks::open).transpose()?,
+        saved: options.saved_masks.clone(),
         failure: None,
     };
     let target = Target {
@@ -267,7 +268,6 @@ pub(super) async fn sequence(
         lock_step: options.lock_step,
         most_held: MOST_HELD,
     };
-    let frames = Interruptible { frames, interrupt: options.interrupt.clone() };
     let feed = dense.as_ref().map(|(thread, every)| thread.feed(*every));
     let ahead = options.threads > 1;
     let (report, companion) =
@@ -292,7 +292,7 @@ struct Watcher {
     frames: Option<FrameWriter>,
     progress: Progress,
     given: Option<GivenMasks>,
-    saved: Option<SavedMasks>,
+    saved: Option<PathBuf>,
     /// The first thing that could not be read or written.
     failure: Option<anyhow::Error>,
 }
@@ -317,7 +317,7 @@ impl Companion for Watcher {
             tracing::warn!("{:.6} s: tracking is lost", frame.timestamp_s);
         }
         if let Some(saved) = &self.saved
-            && let Err(error) = saved.write(frame, outcome.moving.as_ref())
+            && let Err(error) = masks::save(saved, frame, outcome.moving.as_ref())
         {
             self.failure.get_or_insert(error);
         }

@@ -11,10 +11,11 @@ use covis_solvers::evaluation::ObservationLengths;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 
 use super::report::{Document, Quantiles};
+use crate::cli::html;
 use crate::cli::html::solve::{Iteration, Residuals, cost, residuals};
-use crate::cli::html::{self, facts};
 use crate::client::Client;
 use crate::frontend::mapping::run::RunReport;
+use crate::frontend::mapping::solves::LocalSolve;
 use crate::report::{
     Bar, Labels, Line, Link, Page, Plan, Role, Table, bars, count, lines, number, views,
 };
@@ -93,7 +94,7 @@ pub(super) fn page(
     report: &RunReport,
     map: Option<&FinalMap>,
 ) -> Page {
-    let mut page = html::page(title, &facts(&document.facts()));
+    let mut page = html::page(title, &document.facts());
     trajectory(&mut page, report, map);
     if let Some(map) = map {
         closures(&mut page, &map.closures);
@@ -106,7 +107,7 @@ pub(super) fn page(
             &[Residuals { name: "pixels on the final map", unit: "px", before: None, after }],
         );
     }
-    times(&mut page, report, document.stages());
+    times(&mut page, report, &document.stages);
     page
 }
 
@@ -185,17 +186,11 @@ fn solves(page: &mut Page, report: &RunReport) {
     }
     page.section("Local solves");
     let start_s = report.live.first().map_or(0.0, |frame| frame.timestamp_s);
-    let line =
-        |name: &str, role, cost: fn(&crate::frontend::mapping::solves::LocalSolve) -> f64| Line {
-            name: Some(name.to_owned()),
-            role,
-            points: report
-                .local_solves
-                .iter()
-                .map(|s| (s.newest_keyframe_s - start_s, cost(s)))
-                .collect(),
-            marked: Vec::new(),
-        };
+    let line = |name: Option<&str>, role, figure: fn(&LocalSolve) -> f64| {
+        let all = report.local_solves.iter();
+        let points = all.map(|s| (s.newest_keyframe_s - start_s, figure(s))).collect();
+        Line { name: name.map(str::to_owned), role, points, ..Line::default() }
+    };
     let costs = Labels {
         title: "Cost of the server's local solves",
         description: "Before and after each solve, over the newest keyframe when its answer came.",
@@ -208,9 +203,9 @@ fn solves(page: &mut Page, report: &RunReport) {
         x: "time of the sequence, s",
         y: "ms",
     };
-    let before = line("before", Role::Before, |solve| solve.initial_cost);
-    let after = line("after", Role::After, |solve| solve.final_cost);
-    let took = Line { name: None, ..line("", Role::After, |solve| solve.solve_s * 1e3) };
+    let before = line(Some("before"), Role::Before, |solve| solve.initial_cost);
+    let after = line(Some("after"), Role::After, |solve| solve.final_cost);
+    let took = line(None, Role::After, |solve| solve.solve_s * 1e3);
     page.row(&[lines(costs, false, &[before, after]), lines(times, false, &[took])], &[]);
 }
 
@@ -246,7 +241,7 @@ fn times(page: &mut Page, report: &RunReport, stages: &BTreeMap<&'static str, Qu
         y: "ms",
     };
     let points = frames.iter().enumerate().map(|(k, s)| (k as f64, s * 1e3)).collect();
-    let line = Line { name: None, role: Role::After, points, marked: Vec::new() };
+    let line = Line { points, ..Line::default() };
     let late = count(report.late());
     page.row(&[lines(labels, false, &[line])], &[]);
     page.note(&format!("{late} of {} frames took longer than 33 ms.", count(frames.len())));

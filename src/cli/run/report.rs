@@ -4,11 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use covis_solvers::geometry::Se3;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde::Serialize;
 
-use super::super::formats::extension;
+use super::super::formats::{extension, joined};
 use super::super::volume::{MeshFigures, Paging};
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
@@ -46,7 +45,8 @@ pub(super) struct Document {
     /// The signal that ended the run before the last frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     interrupted_by: Option<&'static str>,
-    stages: BTreeMap<&'static str, Quantiles>,
+    /// Durations by stage.
+    pub(super) stages: BTreeMap<&'static str, Quantiles>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh: Option<MeshFigures>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -105,11 +105,6 @@ impl Document {
             facts.push(("mesh", format!("{vertices} vertices, {triangles} triangles")));
         }
         facts
-    }
-
-    /// Durations by stage.
-    pub(super) fn stages(&self) -> &BTreeMap<&'static str, Quantiles> {
-        &self.stages
     }
 }
 
@@ -179,12 +174,6 @@ pub(in crate::cli) fn write(
     joined(live).write_as(&path("trajectory_live"), format)?;
     joined(report.keyframes.iter().copied()).write_as(&path("keyframes"), format)?;
     Ok(())
-}
-
-fn joined(poses: impl Iterator<Item = (f64, Se3)>) -> Trajectory {
-    let mut trajectory = Trajectory::default();
-    poses.for_each(|(time, pose)| trajectory.push(time, pose));
-    trajectory
 }
 
 /// The figures as text.

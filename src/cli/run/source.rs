@@ -9,6 +9,8 @@ use std::str::FromStr;
 use anyhow::{Context, bail, ensure};
 use covis_solvers::geometry::PinholeRadialTangential;
 
+use super::super::choices::number;
+use super::interrupt::Interrupt;
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::image::RgbdFrame;
 use crate::frontend::input::{
@@ -63,10 +65,8 @@ pub(in crate::cli) struct Recorded {
 }
 
 fn depth_scale(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        Ok(_) | Err(_) => Err("must be a number of units a meter, finite and positive".to_owned()),
-    }
+    const MUST: &str = "must be a number of units a meter, finite and positive";
+    number(text, MUST, |scale: &f32| scale.is_finite() && *scale > 0.0)
 }
 
 /// How a synthetic scene is drawn.
@@ -130,21 +130,25 @@ impl Source {
     }
 }
 
-/// A source whose first readable frame was looked at for its size.
+/// A source whose first readable frame was looked at for its size, and that has no more frames after a signal.
 pub(in crate::cli) struct Peeked {
     pub(super) source: Box<dyn FrameSource>,
     seen: VecDeque<Result<RgbdFrame, FrameError>>,
     size: (usize, usize),
+    interrupt: Interrupt,
 }
 
 impl Peeked {
-    pub(in crate::cli) fn new(mut source: Box<dyn FrameSource>) -> anyhow::Result<Self> {
+    pub(in crate::cli) fn new(
+        mut source: Box<dyn FrameSource>,
+        interrupt: Interrupt,
+    ) -> anyhow::Result<Self> {
         let mut seen = VecDeque::new();
         while let Some(frame) = source.next_frame() {
             let size = frame.as_ref().ok().map(|frame| frame.color.size());
             seen.push_back(frame);
             if let Some(size) = size {
-                return Ok(Self { source, seen, size });
+                return Ok(Self { source, seen, size, interrupt });
             }
         }
         match seen.pop_front() {
@@ -175,6 +179,9 @@ impl FrameSource for Peeked {
     }
 
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, FrameError>> {
+        if self.interrupt.signal().is_some() {
+            return None;
+        }
         self.seen.pop_front().or_else(|| self.source.next_frame())
     }
 }

@@ -22,11 +22,10 @@ use serde::Serialize;
 
 use super::arguments::{SOLVERS, Shared};
 use super::rebuild::{Rebuilt, rebuild};
-use super::report::{Details, Report};
+use super::report::{Details, Report, Solved};
 use super::residuals;
 use super::split::{self, Split};
 use crate::cli::choices::{choice, name_of};
-use crate::cli::config::Config;
 use crate::cli::formats::with_kind;
 use crate::cli::html::{self, solve::Residuals};
 use crate::cli::output::writable;
@@ -120,13 +119,8 @@ impl Details for BundleDetails {
     }
 }
 
-/// Reads, solves, writes, reports, all on the worker threads: they are there before the clock of
-/// the solve begins.
-pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
-    optimizer::with_threads(Some(config.threads), || run_on_threads(args))?
-}
-
-fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
+/// Reads, solves, writes, reports.
+pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     let shared = &args.shared;
     // A folder is made with all its parents.
     writable(shared.out.as_deref().filter(|_| !args.input.is_dir()))?;
@@ -194,21 +188,24 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
         split,
     };
     let residuals = residuals::rows(Some(&before), &bundle_cost(problem));
+    let outcome = Solved { summary: summary.solve, residuals, details };
     report.check_reader()?;
     if let Some(out) = &shared.out {
         source.write(&solved, out)?;
     }
-    if let (Some(path), Some(start)) = (&shared.report.path, start_of_page) {
+    shared.report.write(|| {
         let title = format!("Bundle adjustment of {}", args.input.display());
-        let mut page = report.page(&title, &summary.solve, &residuals, &details);
+        let mut page = report.page(&title, &outcome);
         // Images of a COLMAP model are in the order of their names, as a rule that of a camera's way.
         let is_path = matches!(source, Source::Colmap(..));
-        start.show(&solved.problem, is_path, &mut page);
-        html::write(path, page)?;
-    }
-    report.finish(&summary.solve, &residuals, &details)?;
-    html::tell(shared.json, &shared.report)?;
-    Ok(summary.solve.termination)
+        if let Some(start) = &start_of_page {
+            start.show(&solved.problem, is_path, &mut page);
+        }
+        page
+    })?;
+    report.finish(&outcome)?;
+    shared.report.tell(shared.json)?;
+    Ok(outcome.summary.termination)
 }
 
 /// What a page shows of a problem as it stands.
@@ -262,9 +259,8 @@ enum Source {
 impl Source {
     fn read(path: &Path) -> Result<Self, IoError> {
         if path.extension().is_some_and(|extension| extension == "out") {
-            return Ok(Self::Bundler(Box::new(SparseModel::from_bundler(&BundlerFile::read(
-                path,
-            )?)?)));
+            let model = SparseModel::from_bundler(&BundlerFile::read(path)?)?;
+            return Ok(Self::Bundler(Box::new(model)));
         }
         if !path.is_dir() {
             return Ok(Self::Bal(BalFile::read(path)?));

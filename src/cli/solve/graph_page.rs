@@ -44,10 +44,21 @@ impl GraphPage {
         let ordered = |positions: &[[f64; 3]]| order.iter().map(|&v| positions[v]).collect();
         let positions: Vec<[f64; 3]> = ordered(&self.positions);
         let before: Option<Vec<[f64; 3]>> = given.map(|given| ordered(&given.positions));
-        let counts = counts(graph.edges.len(), verdicts);
-        let worst = self.worst_at_vertices(graph, &counts);
+        // All edges count but the closures that were found false.
+        let mut counts = vec![true; graph.edges.len()];
+        verdicts.iter().for_each(|verdict| counts[verdict.edge] = !verdict.is_switched_off);
+        let mut worst = vec![0.0_f64; graph.poses.len()];
+        let mut links = Vec::new();
+        for ((edge, &length), counts) in graph.edges.iter().zip(&self.lengths).zip(counts) {
+            for vertex in [edge.i, edge.j].into_iter().filter(|_| counts) {
+                worst[vertex] = worst[vertex].max(length);
+            }
+            let [i, j] = [edge.i, edge.j].map(|vertex| self.positions[vertex]);
+            if graph.ids[edge.i].abs_diff(graph.ids[edge.j]) != 1 {
+                links.push(Link { from: i, to: j, counts });
+            }
+        }
         let errors: Vec<f64> = order.iter().map(|&vertex| worst[vertex]).collect();
-        let links: Vec<Link> = self.links(graph, &counts);
         let plan = Plan {
             name: "Vertices",
             positions: &positions,
@@ -86,49 +97,4 @@ impl GraphPage {
         let rows = sorted.into_iter().map(row).collect();
         page.table(&Table::new("Verdicts", &["closure", "chi2", "weight", "verdict"], rows));
     }
-
-    /// The largest length of an edge at each vertex, those left out that were found false.
-    fn worst_at_vertices<G: ReferencePose<N>, const N: usize>(
-        &self,
-        graph: &PoseGraph<G, N>,
-        counts: &[bool],
-    ) -> Vec<f64> {
-        let mut worst = vec![0.0_f64; graph.poses.len()];
-        let edges = graph.edges.iter().zip(&self.lengths).zip(counts);
-        for ((edge, &length), _) in edges.filter(|(_, counts)| **counts) {
-            for vertex in [edge.i, edge.j] {
-                worst[vertex] = worst[vertex].max(length);
-            }
-        }
-        worst
-    }
-
-    /// The edges between vertices whose ids do not follow each other.
-    fn links<G: ReferencePose<N>, const N: usize>(
-        &self,
-        graph: &PoseGraph<G, N>,
-        counts: &[bool],
-    ) -> Vec<Link> {
-        let closures = graph
-            .edges
-            .iter()
-            .zip(counts)
-            .filter(|(edge, _)| graph.ids[edge.i].abs_diff(graph.ids[edge.j]) != 1);
-        closures
-            .map(|(edge, &counts)| Link {
-                from: self.positions[edge.i],
-                to: self.positions[edge.j],
-                counts,
-            })
-            .collect()
-    }
-}
-
-/// Which edges count: all but the closures that were found false.
-fn counts(edges: usize, verdicts: &[ClosureVerdict]) -> Vec<bool> {
-    let mut counts = vec![true; edges];
-    for verdict in verdicts {
-        counts[verdict.edge] = !verdict.is_switched_off;
-    }
-    counts
 }

@@ -16,10 +16,11 @@ use covis_solvers::problem::PoseGraph;
 use serde::Serialize;
 
 use super::graph_details::Diagnosis;
-use crate::cli::html::{self, facts};
+use super::report::print_lines;
+use crate::cli::html;
 use crate::cli::output::print;
 use crate::cli::progress::Progress;
-use crate::report::{Labels, Line, Page, Role, histogram, lines};
+use crate::report::{Labels, Line, Page, histogram, lines};
 
 /// A row every so many steps.
 const ROW_EVERY: usize = 100;
@@ -163,15 +164,12 @@ impl Incremental {
         for Row { iteration, cost, seconds } in &self.iterations {
             print(format_args!("{iteration:>9}  {cost:>18.10e}  {seconds:>9.4} s"))?;
         }
-        for (name, value) in self.lines() {
-            print(format_args!("{name:>17}: {value}"))?;
-        }
-        Ok(())
+        print_lines(&self.lines())
     }
 
     /// The page: how the cost grew with the graph, and how long steps took.
     pub(super) fn page(&self, title: &str) -> Page {
-        let mut page = html::page(title, &facts(&self.lines()));
+        let mut page = html::page(title, &self.lines());
         page.section("Steps");
         let labels = Labels {
             title: "Cost over vertices",
@@ -180,7 +178,7 @@ impl Incremental {
             y: "cost",
         };
         let points = self.iterations.iter().map(|row| (row.iteration as f64, row.cost)).collect();
-        let line = Line { name: None, role: Role::After, points, marked: Vec::new() };
+        let line = Line { points, ..Line::default() };
         let times = Labels {
             title: "Time of a step",
             description: "Share of the steps, %, over the time that they took, ms.",

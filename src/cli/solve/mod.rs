@@ -16,7 +16,7 @@ mod report;
 mod residuals;
 mod split;
 
-use covis_solvers::optimizer::Termination;
+use covis_solvers::optimizer::{self, Termination};
 
 use super::config::Config;
 
@@ -38,16 +38,19 @@ enum Problem {
     PoseGraph(pose_graph::Args),
 }
 
-/// Solves the file and reports.
+/// Solves the file and reports, all on the worker threads: they are there before the clock of the
+/// solve begins.
 pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
-    let termination = match args.problem {
-        Problem::Bundle(args) => bundle::run(&args, config)?,
-        Problem::BundleWorker => return split::serve(config),
-        Problem::PoseGraph(args) => pose_graph::run(&args, config)?,
-    };
-    if termination == Termination::NumericalFailure {
-        // Nothing was solved, and a script must see that.
-        anyhow::bail!("numerical failure: no step was possible");
-    }
-    Ok(())
+    optimizer::with_threads(Some(config.threads()), || {
+        let termination = match args.problem {
+            Problem::Bundle(args) => bundle::run(&args)?,
+            Problem::BundleWorker => return split::serve(),
+            Problem::PoseGraph(args) => pose_graph::run(&args)?,
+        };
+        if termination == Termination::NumericalFailure {
+            // Nothing was solved, and a script must see that.
+            anyhow::bail!("numerical failure: no step was possible");
+        }
+        Ok(())
+    })?
 }

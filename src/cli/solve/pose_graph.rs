@@ -10,7 +10,7 @@
 //! `covis_solvers::graph_optimization`.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context;
@@ -19,24 +19,20 @@ use covis_solvers::factors::RelativePose;
 use covis_solvers::graph_optimization::{GraphPose, Judging, Optimized, Options, optimize};
 use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
+use covis_solvers::io::IoError;
 use covis_solvers::io::g2o::G2oGraph;
-use covis_solvers::optimizer::{
-    self, IterationSummary, Method, SolveSummary, Termination, Tolerance,
-};
+use covis_solvers::optimizer::{IterationSummary, Method, Termination, Tolerance};
 use covis_solvers::problem::PoseGraph;
 
 use super::arguments::{KERNELS, METHODS, Robust, STARTS, Shared};
 use super::graph_details::{self, CertificateDetails, Diagnosis, GraphDetails, RobustDetails};
 use super::graph_page::GraphPage;
-use super::incremental::{self, Incremental};
-use super::report::Report;
+use super::incremental;
+use super::report::{Report, Solved};
 use super::residuals;
 use crate::cli::choices::{choice, name_of};
-use crate::cli::config::Config;
-use crate::cli::html;
 use crate::cli::output::writable;
 use crate::cli::progress::Working;
-use crate::report::Page;
 
 /// Arguments of `covis solve pose-graph`.
 #[derive(Debug, clap::Args)]
@@ -76,60 +72,31 @@ pub(super) struct Args {
     incremental: bool,
 }
 
-/// Reads, solves, writes, reports, all on the worker threads: they are there before the clock of
-/// the solve begins.
-pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
-    optimizer::with_threads(Some(config.threads), || run_on_threads(args))?
-}
-
-fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
+/// Reads, solves, writes, reports.
+pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     writable(args.shared.out.as_deref())?;
     let working = Working::new(format_args!("reading {}", args.input.display()));
-    let (mut file, diagnosis) = graph_details::read(&args.input, args.repair_information)?;
+    let (file, diagnosis) = graph_details::read(&args.input, args.repair_information)?;
     drop(working);
     let start = Instant::now();
     let from_file = file.has_vertices();
     let name = || args.input.display().to_string();
-    let outcome = match &mut file {
-        G2oGraph::Se2(file) => {
-            let mut graph = file.to_pose_graph().with_context(name)?;
+    match file {
+        G2oGraph::Se2(mut file) => {
+            let graph = file.to_pose_graph().with_context(name)?;
             let run = Run { args, start, from_file, group: "SE2" };
-            let outcome = run.solve(&mut graph, diagnosis)?;
-            file.update_from(&graph)?;
-            outcome
+            run.solve(graph, diagnosis, |graph, out| {
+                file.update_from(graph)?;
+                file.write(out)
+            })
         }
-        G2oGraph::Se3(file) => {
-            let mut graph = file.to_pose_graph().with_context(name)?;
+        G2oGraph::Se3(mut file) => {
+            let graph = file.to_pose_graph().with_context(name)?;
             let run = Run { args, start, from_file, group: "SE3" };
-            let outcome = run.solve(&mut graph, diagnosis)?;
-            file.update_from(&graph)?;
-            outcome
-        }
-    };
-    let write = |file: &G2oGraph| match &args.shared.out {
-        Some(out) => Ok(file.write(out)?),
-        None => anyhow::Ok(()),
-    };
-    match outcome {
-        Outcome::Whole(outcome) => {
-            let Whole { mut report, summary, residuals, details, page } = *outcome;
-            report.check_reader()?;
-            write(&file)?;
-            if let (Some(path), Some(page)) = (&args.shared.report.path, page) {
-                html::write(path, page)?;
-            }
-            report.finish(&summary, &residuals, &details)?;
-            html::tell(args.shared.json, &args.shared.report)?;
-            Ok(summary.termination)
-        }
-        Outcome::Incremental(incremental) => {
-            write(&file)?;
-            if let Some(path) = &args.shared.report.path {
-                html::write(path, incremental.page(&format!("Pose graph {}", name())))?;
-            }
-            incremental.print(args.shared.json)?;
-            html::tell(args.shared.json, &args.shared.report)?;
-            Ok(Termination::Converged(Tolerance::Cost))
+            run.solve(graph, diagnosis, |graph, out| {
+                file.update_from(graph)?;
+                file.write(out)
+            })
         }
     }
 }
@@ -142,34 +109,29 @@ struct Run<'a> {
     group: &'static str,
 }
 
-enum Outcome {
-    Whole(Box<Whole>),
-    Incremental(Box<Incremental>),
-}
-
-/// A solve of the whole graph at once.
-struct Whole {
-    report: Report,
-    summary: SolveSummary,
-    residuals: Vec<residuals::Row>,
-    details: GraphDetails,
-    page: Option<Page>,
-}
-
 impl Run<'_> {
+    /// Solves and reports; `write` puts the solved graph into a file.
     fn solve<G: GraphPose<D, N>, const D: usize, const N: usize>(
         &self,
-        graph: &mut PoseGraph<G, N>,
-        diagnosis: Diagnosis,
-    ) -> anyhow::Result<Outcome> {
+        mut graph: PoseGraph<G, N>,
+        mut diagnosis: Diagnosis,
+        write: impl FnOnce(&PoseGraph<G, N>, &Path) -> Result<(), IoError>,
+    ) -> anyhow::Result<Termination> {
         let shared = &self.args.shared;
+        let title = format!("Pose graph {}", self.name());
+        let graph = &mut graph;
         graph.loss = shared.loss;
         if !graph.constant.contains(&true) {
             graph.fix_lowest_id();
         }
         if self.args.incremental {
-            let incremental = incremental::solve(graph, self.group, diagnosis);
-            return Ok(Outcome::Incremental(Box::new(incremental.with_context(|| self.name())?)));
+            let solved = incremental::solve(graph, self.group, diagnosis);
+            let incremental = solved.with_context(|| self.name())?;
+            shared.out.as_deref().map_or(Ok(()), |out| write(graph, out))?;
+            shared.report.write(|| incremental.page(&title))?;
+            incremental.print(shared.json)?;
+            shared.report.tell(shared.json)?;
+            return Ok(Termination::Converged(Tolerance::Cost));
         }
         let kernel = self.args.robust;
         let judging = |kernel| {
@@ -198,7 +160,8 @@ impl Run<'_> {
         // Of all edges, those that are judged false included: their share shows.
         let residuals = residuals::rows(None, &pose_graph_cost(graph));
         let verdicts = judged.as_ref().map_or(&[][..], |judged| &judged.closures).to_vec();
-        let mut details = GraphDetails {
+        diagnosis.of_solution(graph).with_context(|| self.name())?;
+        let details = GraphDetails {
             problem: "pose-graph",
             group: self.group,
             method: name_of(METHODS, &self.args.method),
@@ -213,14 +176,17 @@ impl Run<'_> {
             edges: graph.edges.len(),
             diagnosis,
         };
-        details.diagnosis.of_solution(graph).with_context(|| self.name())?;
-        let page = wants_page.then(|| {
-            let title = format!("Pose graph {}", self.name());
-            let mut page = report.page(&title, &summary, &residuals, &details);
+        let outcome = Solved { summary, residuals, details };
+        report.check_reader()?;
+        shared.out.as_deref().map_or(Ok(()), |out| write(graph, out))?;
+        shared.report.write(|| {
+            let mut page = report.page(&title, &outcome);
             GraphPage::of(graph).show(given.as_ref(), graph, &verdicts, &mut page);
             page
-        });
-        Ok(Outcome::Whole(Box::new(Whole { report, summary, residuals, details, page })))
+        })?;
+        report.finish(&outcome)?;
+        shared.report.tell(shared.json)?;
+        Ok(outcome.summary.termination)
     }
 
     fn name(&self) -> String {

@@ -15,7 +15,7 @@ use covis_solvers::reconstruction::{
 };
 use serde::Serialize;
 
-use crate::cli::output::print;
+use super::report::print_or_cancel;
 
 /// What a report says of a reconstruction.
 #[derive(Debug, Serialize)]
@@ -147,12 +147,7 @@ impl Lines {
         self.last = Some((stage, seconds));
         let (name, unit) = (stage.name(), stage.unit());
         let cost = cost.map(|cost| format!(", cost {cost:.6e}")).unwrap_or_default();
-        match print(format_args!("{name:>17}: {done} of {total} {unit}{cost}, {seconds:.3} s")) {
-            Ok(()) => Control::Continue,
-            Err(error) => {
-                self.failure = Some(error);
-                Control::Cancel
-            }
-        }
+        let line = format_args!("{name:>17}: {done} of {total} {unit}{cost}, {seconds:.3} s");
+        print_or_cancel(line, &mut self.failure)
     }
 }

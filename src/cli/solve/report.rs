@@ -4,13 +4,14 @@
 //! microsecond. Row 0 is the unmodified start; a rejected step repeats the cost before it. Only the
 //! decrease of the cost from row to row is computed here.
 
+use std::fmt::Display;
 use std::time::Duration;
 
 use covis_solvers::optimizer::{Control, IterationSummary, SolveSummary};
 use serde::Serialize;
 
 use super::residuals;
-use crate::cli::html::{self, facts, solve::Iteration};
+use crate::cli::html::{self, solve::Iteration};
 use crate::cli::output::print;
 use crate::report::Page;
 
@@ -33,27 +34,24 @@ struct Document<'a, D> {
 
 #[derive(Debug, Serialize)]
 struct Row {
-    iteration: usize,
-    cost: f64,
-    seconds: f64,
-    accepted: bool,
-    damping: f64,
+    #[serde(flatten)]
+    row: Iteration,
     gradient_max_norm: f64,
     step_norm: f64,
     step_quality: f64,
-}
-
-fn head() -> String {
-    format!(
-        "{:>9}  {:>18}  {:>11}  {:>9}  {:>8}  {:>11}",
-        "iteration", "cost", "decrease", "damping", "quality", "time"
-    )
 }
 
 /// Facts about a problem that only its kind has.
 pub(super) trait Details: Serialize {
     /// Lines `name value` under the table.
     fn lines(&self) -> Vec<(&'static str, String)>;
+}
+
+/// What a solve came to.
+pub(super) struct Solved<D> {
+    pub(super) summary: SolveSummary,
+    pub(super) residuals: Vec<residuals::Row>,
+    pub(super) details: D,
 }
 
 /// Reports one solve, row by row.
@@ -78,21 +76,18 @@ impl Report {
         }
         let line = self.line(row);
         self.last_cost = row.cost;
-        let head = if row.iteration == 0 { print(head()) } else { Ok(()) };
-        match head.and_then(|()| print(line)) {
-            Ok(()) => Control::Continue,
-            Err(error) => {
-                self.failure = Some(error);
-                Control::Cancel
-            }
-        }
+        print_or_cancel(line, &mut self.failure)
     }
 
     fn line(&self, row: &IterationSummary) -> String {
         let time = self.shifted(row.seconds);
         if row.iteration == 0 {
             let (iteration, cost, blank) = (row.iteration, row.cost, "");
-            return format!("{iteration:>9}  {cost:>18.10e}  {blank:>33}  {time:>9.4} s");
+            return format!(
+                "{:>9}  {:>18}  {:>11}  {:>9}  {:>8}  {:>11}\n\
+                 {iteration:>9}  {cost:>18.10e}  {blank:>33}  {time:>9.4} s",
+                "iteration", "cost", "decrease", "damping", "quality", "time"
+            );
         }
         let decrease = if row.accepted {
             format!("{:.3e}", self.last_cost - row.cost)
@@ -115,49 +110,25 @@ impl Report {
 
     /// Writes the summary or the JSON object.
     /// Fails where standard output cannot be written to.
-    pub(super) fn finish(
-        self,
-        summary: &SolveSummary,
-        residuals: &[residuals::Row],
-        details: &impl Details,
-    ) -> anyhow::Result<()> {
+    pub(super) fn finish(self, solved: &Solved<impl Details>) -> anyhow::Result<()> {
         if self.json {
-            let document = self.document(summary, residuals, details);
+            let document = self.document(solved);
             return print(serde_json::to_string(&document)?);
         }
-        for (name, value) in self.lines(summary, residuals, details) {
-            print(format_args!("{name:>17}: {value}"))?;
-        }
-        Ok(())
+        print_lines(&self.lines(solved))
     }
 
     /// A page with the summary and the cost; the caller adds what it knows of its problem.
-    pub(super) fn page(
-        &self,
-        title: &str,
-        summary: &SolveSummary,
-        residuals: &[residuals::Row],
-        details: &impl Details,
-    ) -> Page {
-        let mut page = html::page(title, &facts(&self.lines(summary, residuals, details)));
-        let row = |row: &IterationSummary| Iteration {
-            iteration: row.iteration,
-            cost: row.cost,
-            seconds: self.shifted(row.seconds),
-            accepted: row.accepted,
-            damping: row.damping,
-        };
-        html::solve::cost(&mut page, &summary.iterations.iter().map(row).collect::<Vec<_>>());
+    pub(super) fn page(&self, title: &str, solved: &Solved<impl Details>) -> Page {
+        let mut page = html::page(title, &self.lines(solved));
+        let rows = solved.summary.iterations.iter().map(|row| self.iteration(row));
+        html::solve::cost(&mut page, &rows.collect::<Vec<_>>());
         page
     }
 
     /// Lines `name value`: the outcome, what is special to the problem, the residuals.
-    fn lines(
-        &self,
-        summary: &SolveSummary,
-        residuals: &[residuals::Row],
-        details: &impl Details,
-    ) -> Vec<(&'static str, String)> {
+    fn lines(&self, solved: &Solved<impl Details>) -> Vec<(&'static str, String)> {
+        let Solved { summary, residuals, details } = solved;
         let count = summary.iterations.len().saturating_sub(1);
         let accepted = summary.iterations.iter().skip(1).filter(|row| row.accepted).count();
         let seconds = self.shifted(summary.solve_seconds);
@@ -174,18 +145,10 @@ impl Report {
         lines
     }
 
-    fn document<'a, D>(
-        &self,
-        summary: &SolveSummary,
-        residuals: &'a [residuals::Row],
-        details: &'a D,
-    ) -> Document<'a, D> {
+    fn document<'a, D>(&self, solved: &'a Solved<D>) -> Document<'a, D> {
+        let Solved { summary, residuals, details } = solved;
         let row = |row: &IterationSummary| Row {
-            iteration: row.iteration,
-            cost: row.cost,
-            seconds: self.shifted(row.seconds),
-            accepted: row.accepted,
-            damping: row.damping,
+            row: self.iteration(row),
             gradient_max_norm: row.gradient_max_norm,
             step_norm: row.step_norm,
             step_quality: row.step_quality,
@@ -205,8 +168,26 @@ impl Report {
         }
     }
 
+    fn iteration(&self, row: &IterationSummary) -> Iteration {
+        let &IterationSummary { iteration, cost, seconds, accepted, damping, .. } = row;
+        Iteration { iteration, cost, seconds: self.shifted(seconds), accepted, damping }
+    }
+
     /// Seconds since the clock started, to the microsecond.
     fn shifted(&self, seconds: f64) -> f64 {
         ((self.preparation.as_secs_f64() + seconds) * 1e6).round() / 1e6
     }
+}
+
+/// Prints lines `name value` under a table.
+pub(super) fn print_lines(lines: &[(&'static str, String)]) -> anyhow::Result<()> {
+    lines.iter().try_for_each(|(name, value)| print(format_args!("{name:>17}: {value}")))
+}
+
+/// Prints a line of progress; where nobody reads it, notes the failure and has the solve end.
+pub(super) fn print_or_cancel(line: impl Display, failure: &mut Option<anyhow::Error>) -> Control {
+    if let Err(error) = print(line) {
+        *failure = Some(error);
+    }
+    if failure.is_some() { Control::Cancel } else { Control::Continue }
 }

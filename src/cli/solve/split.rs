@@ -16,11 +16,9 @@ use covis_solvers::bundle_adjustment::split::{
 };
 use covis_solvers::bundle_adjustment::{self, BundleSummary};
 use covis_solvers::interrupt::Interrupt;
-use covis_solvers::optimizer::{self, Observer};
+use covis_solvers::optimizer::Observer;
 use covis_solvers::problem::BundleProblem;
 use serde::Serialize;
-
-use crate::cli::config::Config;
 
 /// Arguments of a split solve.
 #[derive(Debug, clap::Args)]
@@ -157,12 +155,9 @@ fn start_worker(threads: usize) -> io::Result<Link> {
 }
 
 /// What a worker's process does: answers until its standard input ends.
-pub(super) fn serve(config: &Config) -> anyhow::Result<()> {
-    optimizer::with_threads(Some(config.threads), || {
-        let (mut input, mut output) = (io::stdin().lock(), io::stdout().lock());
-        split::serve(&mut input, &mut output)
-    })??;
-    Ok(())
+pub(super) fn serve() -> anyhow::Result<()> {
+    let (mut input, mut output) = (io::stdin().lock(), io::stdout().lock());
+    Ok(split::serve(&mut input, &mut output)?)
 }
 
 impl Split {

@@ -18,7 +18,7 @@ use crate::store::StoreError;
 use crate::store::job_files::{FoundRecord, JobFile, JobFileError, JobFiles, JobUid};
 
 /// The result of looking at the files of a job or of an upload.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct JobCheckup {
     /// The job's name; `None` for an upload that no job has taken, and where the name is lost.
     pub job: Option<String>,
