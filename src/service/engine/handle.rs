@@ -1,18 +1,21 @@
 //! The handle of a map: what callers hold, and what they share with the engine.
 //!
-//! A handle sends control messages and awaits the answers; it never changes the map itself. Once an
+//! A handle sends requests and awaits the answers; it never changes the map itself. Once an
 //! item is acknowledged, every later snapshot contains it.
 
 use std::fmt;
+use std::future::ready;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, MutexGuard, OnceLock};
 
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::IterationSummary;
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tracing::Span;
 
-use super::control::{Control, MapUpdate, Reply};
+use super::actor::Actor;
 use super::durability::sequence_of;
 use super::error::report_bug;
 use super::measured_pairs::MeasuredPairs;
@@ -21,8 +24,8 @@ use super::places::Places;
 use super::solve::Job;
 use super::stream::Queued;
 use super::{
-    Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
-    OptimizeOutcome, SolveStep, Watch,
+    Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, MapUpdate,
+    OptimizeOptions, OptimizeOutcome, SolveStep, Watch,
 };
 use crate::loop_closing::{Located, View, locate};
 use crate::map::{GraphPairs, GraphProblem, Map, PlaceCandidate, RequestId, measured_graph};
@@ -138,12 +141,16 @@ impl Shared {
     }
 }
 
+/// What a handle asks of the engine, besides items: work for the map's task. Requests have their own
+/// queue and overtake items, so that a reader never waits behind a busy stream.
+pub(super) type Request = Box<dyn for<'a> FnOnce(&'a mut Actor) -> BoxFuture<'a, ()> + Send>;
+
 /// A handle of a map. It is cheap to clone and may outlive the map; calls then return an error.
 #[derive(Clone)]
 pub struct MapHandle {
     pub(super) shared: Arc<Shared>,
     pub(super) items: mpsc::Sender<Queued>,
-    pub(super) control: mpsc::Sender<Control>,
+    pub(super) requests: mpsc::Sender<Request>,
     /// The name by which the map was found, where that is the name of a map that became part of it.
     pub(super) merged: Option<Arc<MergedName>>,
 }
@@ -195,7 +202,7 @@ impl MapHandle {
     /// # Errors
     /// [`EngineError::MapNotFound`] when it was deleted, [`EngineError::ShuttingDown`].
     pub async fn listed(&self) -> Result<MapInfo, EngineError> {
-        self.call(|reply| Control::Info { reply }).await
+        self.call(|actor| ready(actor.info()).boxed()).await
     }
 
     /// The map as it is now.
@@ -221,7 +228,7 @@ impl MapHandle {
         lock_step: bool,
     ) -> Result<IngestStream, EngineError> {
         let handle = self.clone();
-        self.call(|reply| Control::Open { client, epoch, lock_step, handle, reply }).await?
+        self.call(move |actor| actor.open_stream(client, epoch, lock_step, handle).boxed()).await?
     }
 
     /// Watches the map, from the full state or from a revision that the caller holds.
@@ -234,8 +241,8 @@ impl MapHandle {
             return Err(error.clone());
         }
         let handle = self.clone();
-        let asked = self.call(|reply| Control::Watch { from_revision, handle, reply });
-        let (mut watch, past) = asked.await??;
+        let opened = self.call(move |actor| ready(actor.watch(from_revision, handle)).boxed());
+        let (mut watch, past) = opened.await??;
         if let Some(revision) = from_revision {
             watch.resume_from(revision, past).await?;
         }
@@ -367,7 +374,11 @@ impl MapHandle {
         let canceled = Arc::clone(&cancellation);
         let span = Span::current();
         let job = Job { options, rows, cancellation, request, span, reply };
-        self.send(Control::Optimize(Box::new(job))).await?;
+        self.send(|actor| {
+            actor.optimize(job);
+            ready(()).boxed()
+        })
+        .await?;
         loop {
             tokio::select! {
                 biased;
@@ -396,7 +407,7 @@ impl MapHandle {
     /// [`EngineError::RevisionMismatch`] when the map is not at the expected revision,
     /// [`EngineError::Poisoned`], and as [`MapHandle::info`].
     pub async fn update(&self, update: MapUpdate) -> Result<MapInfo, EngineError> {
-        let info = self.call(|reply| Control::Update { update, reply }).await??;
+        let info = self.call(|actor| actor.update(update).boxed()).await??;
         self.durable(info.snapshot.revision()).await?;
         Ok(info)
     }
@@ -406,26 +417,38 @@ impl MapHandle {
         self.shared.ended.get().cloned().unwrap_or(EngineError::ShuttingDown)
     }
 
-    pub(super) async fn send(&self, control: Control) -> Result<(), EngineError> {
-        self.control.send(control).await.map_err(|_closed| self.end_error())
+    async fn send(
+        &self,
+        request: impl for<'a> FnOnce(&'a mut Actor) -> BoxFuture<'a, ()> + Send + 'static,
+    ) -> Result<(), EngineError> {
+        self.requests.send(Box::new(request)).await.map_err(|_closed| self.end_error())
     }
 
     /// Ends the engine; returns when it has ended.
     pub(super) async fn stop(&self) {
-        let (reply, ended) = oneshot::channel();
-        if self.send(Control::Shutdown { reply }).await.is_ok() {
-            // The engine drops the reply when it has ended.
+        let (running, ended) = oneshot::channel();
+        let closed = self.send(|actor| {
+            actor.close(running);
+            ready(()).boxed()
+        });
+        if closed.await.is_ok() {
+            // The engine drops the sender when it has ended.
             let _ended = ended.await;
         }
     }
 
-    pub(super) async fn call<T>(
+    /// Lets the engine run `work`, and returns what it answers.
+    pub(super) async fn call<T: Send + 'static>(
         &self,
-        control: impl FnOnce(Reply<T>) -> Control,
+        work: impl for<'a> FnOnce(&'a mut Actor) -> BoxFuture<'a, T> + Send + 'static,
     ) -> Result<T, EngineError> {
         self.shared.config.check_calls()?;
         let (reply, answer) = oneshot::channel();
-        self.send(control(reply)).await?;
+        self.send(|actor| {
+            // A caller that went away needs no answer.
+            work(actor).map(|result| drop(reply.send(result))).boxed()
+        })
+        .await?;
         answer.await.map_err(|_lost| self.end_error())
     }
 }

@@ -17,15 +17,6 @@ use crate::map::{
 };
 use crate::store::{Epoch, Flushed, StoreError};
 
-/// What an engine is to take into its map.
-pub(super) struct Joining {
-    pub(super) name: String,
-    pub(super) source: Arc<Map>,
-    pub(super) target_from_source: Sim3,
-    pub(super) renamed: BTreeMap<String, String>,
-    pub(super) links: Vec<Link>,
-}
-
 /// A map that has left another one, as the store has made it.
 pub(super) struct Left {
     /// The other one, without it.
@@ -76,10 +67,16 @@ impl Actor {
         Ok(self.info())
     }
 
-    /// Takes the content of another map.
-    pub(super) async fn join(&mut self, joining: Joining) -> Result<MapInfo, EngineError> {
+    /// Takes `source`, the content of the map called `name`.
+    pub(super) async fn join(
+        &mut self,
+        name: String,
+        source: Arc<Map>,
+        target_from_source: Sim3,
+        renamed: BTreeMap<String, String>,
+        mut links: Vec<Link>,
+    ) -> Result<MapInfo, EngineError> {
         self.check_open()?;
-        let Joining { name, source, target_from_source, renamed, mut links } = joining;
         let map = name.clone();
         let merge = self.compute(move |map| {
             links.retain(|link| {

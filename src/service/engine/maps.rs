@@ -16,7 +16,6 @@ use futures_util::FutureExt;
 use tokio::sync::{Semaphore, watch};
 use tracing::Instrument;
 
-use super::control::Control;
 use super::durability::{stored, unix_time_ns};
 use super::error::report_bug;
 use super::handle::{Condition, Shared};
@@ -201,7 +200,7 @@ impl Maps {
         if let Err(error) = handle.durable(revision).await {
             // If the creation cannot be undone, the name keeps a map that reports why it accepts
             // nothing.
-            let undone = handle.call(|reply| Control::Delete { reply }).await.flatten();
+            let undone = handle.call(|actor| actor.delete().boxed()).await.flatten();
             claim.set(undone.is_err().then_some(handle));
             return Err(error);
         }
@@ -245,7 +244,7 @@ impl Maps {
         let maps = self.clone();
         run_to_end(async move {
             let deleted = handle.snapshot().await;
-            handle.call(|reply| Control::Delete { reply }).await??;
+            handle.call(|actor| actor.delete().boxed()).await??;
             claim.set(None);
             drop(claim);
             maps.inner.table.forget_merged(&handle);

@@ -28,8 +28,8 @@ use crate::map::Map;
 use crate::store::{self, Epoch, Flushed, StoreError};
 use crate::sync::Mutex;
 
-/// Most control messages that wait; the engine answers them at once.
-const CONTROL_QUEUE: usize = 64;
+/// Most requests that wait; the engine answers them at once.
+const REQUEST_QUEUE: usize = 64;
 /// Delay until a map is opened again after the system lacked resources. It doubles with each
 /// attempt, up to [`LONGEST_OPENING`].
 const FIRST_OPENING: Duration = Duration::from_millis(100);
@@ -166,7 +166,7 @@ impl Maps {
     pub(super) fn spawn(&self, start: Start, place: Reservation) -> MapHandle {
         let Inner { store, pool, config, .. } = &*self.inner;
         let (item_queue, items) = mpsc::channel(config.queue_capacity.max(1));
-        let (control_queue, control) = mpsc::channel(CONTROL_QUEUE);
+        let (request_queue, requests) = mpsc::channel(REQUEST_QUEUE);
         let shared = Arc::new(Shared {
             uid: match start.unopened {
                 Some(_) => String::new(),
@@ -200,7 +200,7 @@ impl Maps {
             watching: Watching::default(),
             map: Arc::new(start.map),
             applying: None,
-            control,
+            requests,
             has_pending_solves: shared.check_open().is_ok(),
             handled: 0,
             answered: false,
@@ -217,7 +217,7 @@ impl Maps {
                 maps.table.forget_ended(&ended);
             }
         });
-        MapHandle { shared, items: item_queue, control: control_queue, merged: None }
+        MapHandle { shared, items: item_queue, requests: request_queue, merged: None }
     }
 }
 

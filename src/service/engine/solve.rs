@@ -24,10 +24,9 @@ use covis_solvers::price::Ceiling;
 use covis_solvers::problem::SolveError;
 use covis_solvers::reconstruction;
 use covis_solvers::robust::{PositionJudging, VarianceFactors};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 use tracing::Span;
 
-use super::control::Reply;
 use super::measured_pairs::MeasuredPairs;
 use super::rebuilding::Rebuilt;
 use super::{Cancellation, EngineError};
@@ -140,7 +139,7 @@ pub(super) struct Job {
     pub(super) request: Option<RequestId>,
     /// Span of the call that requested it.
     pub(super) span: Span,
-    pub(super) reply: Reply<Result<OptimizeOutcome, EngineError>>,
+    pub(super) reply: oneshot::Sender<Result<OptimizeOutcome, EngineError>>,
 }
 
 impl Job {
