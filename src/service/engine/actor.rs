@@ -23,7 +23,7 @@ use super::durability::{Durability, unix_time_ns};
 use super::error::report_bug;
 use super::handle::{Request, Shared};
 use super::ingest::Ingest;
-use super::pool::panic_message;
+use super::pool::{SolvePanicked, panic_message};
 use super::recognition::Recognition;
 use super::solve::Job;
 use super::solving::Solving;
@@ -101,8 +101,8 @@ impl Actor {
         }
         let error = self.shared.ended.get_or_init(|| EngineError::ShuttingDown).clone();
         self.solving.cancel(&error);
-        self.recognition.cancel();
-        self.background.cancel();
+        self.recognition.work.cancel();
+        self.background.work.cancel();
         self.ingest.end_all(&error);
         self.pool.discard(self.map);
     }
@@ -132,9 +132,9 @@ impl Actor {
                 // No handle is left.
                 None => self.end_with(EngineError::ShuttingDown),
             },
-            outcome = self.solving.ended() => self.solved(outcome).await,
-            found = self.recognition.ended() => self.recognition_ended(found).await,
-            done = self.background.ended() => self.background_ended(done).await,
+            outcome = self.solving.work.ended() => self.solved(outcome).await,
+            found = self.recognition.work.ended() => self.recognition_ended(found).await,
+            done = self.background.work.ended() => self.background_ended(done).await,
             () = self.durability.progress() => self.flushed(),
             item = self.ingest.next(), if takes_items => {
                 if let Some(item) = item {
@@ -401,6 +401,15 @@ impl Actor {
         self.watching.wake();
     }
 
+    /// What work on the pool came to; where it panicked, the map is poisoned.
+    pub(super) fn unless_panicked<T>(&mut self, ended: Result<T, SolvePanicked>) -> Option<T> {
+        let poisoned = |panicked: SolvePanicked| {
+            self.shared.meters.solve_panics.increment();
+            self.poison(&panicked.message)
+        };
+        ended.map_err(poisoned).ok()
+    }
+
     /// Poisons the map: ends streams and solves, and returns the bug that was reported.
     pub(super) fn poison(&mut self, details: &str) -> EngineError {
         let bug = report_bug(details);
@@ -414,16 +423,16 @@ impl Actor {
     /// changes again.
     pub(super) fn pause(&mut self, error: &EngineError) {
         self.solving.pause(error);
-        self.recognition.cancel();
-        self.background.cancel();
+        self.recognition.work.cancel();
+        self.background.work.cancel();
         self.ingest.end_all(error);
     }
 
     /// Ends solves and streams, and wakes the watchers.
     fn end(&mut self, error: &EngineError) {
         self.solving.cancel(error);
-        self.recognition.cancel();
-        self.background.cancel();
+        self.recognition.work.cancel();
+        self.background.work.cancel();
         self.ingest.end_all(error);
         self.watching.wake();
     }

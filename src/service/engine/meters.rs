@@ -117,11 +117,19 @@ pub struct QueuedSolve {
 
 impl QueuedSolve {
     /// The solve has got its thread.
-    pub(super) fn started(self) -> StartedSolve {
+    fn started(self) -> StartedSolve {
         self.meters.waiting_ns.observe_time(self.since.elapsed());
         let running = self.meters.running.hold();
         let meters = Arc::clone(&self.meters);
         StartedSolve { since: Instant::now(), meters, end: PANICKED, _held: running }
+    }
+
+    /// Runs the solve.
+    pub(super) fn solve(self, work: impl FnOnce() -> Outcome) -> Outcome {
+        let mut started = self.started();
+        let outcome = work();
+        started.end = place_of_end(&outcome);
+        outcome
     }
 
     /// Runs work whose result does not say how it ended.
@@ -135,19 +143,11 @@ impl QueuedSolve {
 
 /// Measures a running solve. If it is dropped before its end is set, the solve panicked.
 #[derive(Debug)]
-pub(super) struct StartedSolve {
+struct StartedSolve {
     since: Instant,
     meters: Arc<SolveMeters>,
     end: usize,
     _held: Held,
-}
-
-impl StartedSolve {
-    /// The solve has ended.
-    pub(super) fn ended(mut self, outcome: Outcome) -> Outcome {
-        self.end = place_of_end(&outcome);
-        outcome
-    }
 }
 
 impl Drop for StartedSolve {
