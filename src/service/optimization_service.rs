@@ -21,7 +21,7 @@ use super::convert::solve::{
 use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{
-    Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
+    Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError, SolveStep,
 };
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, localize, refine};
@@ -276,9 +276,10 @@ impl OptimizationService for Rpcs {
             let threads = context.maps.pool().threads();
             let (map_id, options) = map_options(&request, threads, deadline)?;
             let map = context.maps.find(&caller?.engine_name(&map_id)).await?;
-            let (progress, mut rows) = mpsc::channel(16);
+            let (progress, mut steps) = mpsc::unbounded_channel();
             let forwarding = async {
-                while let Some(row) = rows.recv().await {
+                while let Some(step) = steps.recv().await {
+                    let SolveStep::Iteration(row) = step else { continue };
                     let event = Some(Event::Iteration(to_iteration(&row)));
                     sink.send(v1::OptimizeMapResponse { event }).await?;
                 }

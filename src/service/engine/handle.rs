@@ -9,7 +9,6 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, MutexGuard, OnceLock};
 
 use covis_solvers::interrupt::Interrupt;
-use covis_solvers::optimizer::IterationSummary;
 use futures_util::FutureExt;
 use futures_util::future::BoxFuture;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
@@ -321,9 +320,8 @@ impl MapHandle {
         Ok(locate(map, view, &found, (0, interrupt), |_, _| Ok(())))
     }
 
-    /// Optimizes the whole map. Sends each iteration to `progress` and applies the result as one
-    /// revision. Dropping the future or the receiver of `progress` cancels the solve, and nothing
-    /// is applied.
+    /// Optimizes the whole map. Sends each step to `steps` and applies the result as one revision.
+    /// Dropping the future or the receiver of `steps` cancels the solve, and nothing is applied.
     ///
     /// # Errors
     /// [`EngineError::OptimizationRunning`], [`EngineError::Poisoned`],
@@ -332,13 +330,9 @@ impl MapHandle {
     pub async fn optimize(
         &self,
         options: OptimizeOptions,
-        progress: mpsc::Sender<IterationSummary>,
+        steps: mpsc::UnboundedSender<SolveStep>,
     ) -> Result<OptimizeOutcome, EngineError> {
-        let iteration = |step| match step {
-            SolveStep::Iteration(row) => Some(row),
-            SolveStep::Reconstruction(_) => None,
-        };
-        self.solve_unless((Arc::default(), None), options, progress, iteration).await
+        self.solve_unless(Arc::default(), None, options, steps).await
     }
 
     /// As [`MapHandle::optimize`]; `cancellation` decides whether the result is applied. The event that
@@ -351,52 +345,43 @@ impl MapHandle {
         cancellation: Arc<Cancellation>,
         request: RequestId,
         options: OptimizeOptions,
-        progress: mpsc::Sender<SolveStep>,
+        steps: mpsc::UnboundedSender<SolveStep>,
     ) -> Result<OptimizeOutcome, EngineError> {
-        let asked = (cancellation, Some(request));
-        let outcome = self.solve_unless(asked, options, progress, Some).await?;
+        let outcome = self.solve_unless(cancellation, Some(request), options, steps).await?;
         self.durable_at_last(outcome.revision).await?;
         Ok(outcome)
     }
 
-    async fn solve_unless<T>(
+    async fn solve_unless(
         &self,
-        (cancellation, request): (Arc<Cancellation>, Option<RequestId>),
+        cancellation: Arc<Cancellation>,
+        request: Option<RequestId>,
         options: OptimizeOptions,
-        progress: mpsc::Sender<T>,
-        forward: impl Fn(SolveStep) -> Option<T>,
+        steps: mpsc::UnboundedSender<SolveStep>,
     ) -> Result<OptimizeOutcome, EngineError> {
         self.shared.config.check_calls()?;
-        // Unbounded, so that a slow caller cannot delay the solve; a solve has few iterations.
-        let (rows, mut row) = mpsc::unbounded_channel();
         let (reply, mut answer) = oneshot::channel();
         let mut guard = CancelOnDrop(Some(Arc::clone(&cancellation)));
         let canceled = Arc::clone(&cancellation);
+        let readers = steps.clone();
         let span = Span::current();
-        let job = Job { options, rows, cancellation, request, span, reply };
+        let job = Job { options, steps, cancellation, request, span, reply };
         self.send(|actor| {
             actor.optimize(job);
             ready(()).boxed()
         })
         .await?;
-        loop {
-            tokio::select! {
-                biased;
-                Some(step) = row.recv() => {
-                    if let Some(step) = forward(step)
-                        && progress.send(step).await.is_err()
-                    {
-                        canceled.abandon();
-                    }
-                }
-                () = progress.closed(), if !canceled.is_canceled() => canceled.abandon(),
-                outcome = &mut answer => {
-                    // The caller may ask again with the same cancellation.
-                    guard.0 = None;
-                    return outcome.unwrap_or_else(|_lost| Err(self.end_error()));
-                }
+        let outcome = tokio::select! {
+            biased;
+            outcome = &mut answer => outcome,
+            () = readers.closed() => {
+                canceled.abandon();
+                answer.await
             }
-        }
+        };
+        // The caller may ask again with the same cancellation.
+        guard.0 = None;
+        outcome.unwrap_or_else(|_lost| Err(self.end_error()))
     }
 
     /// Changes name, policy or state of the map as one event, and returns when no crash can undo

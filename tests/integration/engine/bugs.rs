@@ -12,7 +12,7 @@ async fn check_poisoned(fixture: &Fixture) {
     let poisoned = EngineError::Poisoned { map: "house".to_owned() };
     let refused = map.open_stream("robot".to_owned(), 0, false).await;
     assert_eq!(refused.unwrap_err(), poisoned);
-    let (progress, _rows) = mpsc::channel(1);
+    let (progress, _rows) = mpsc::unbounded_channel();
     let refused = map.optimize(OptimizeOptions::default(), progress).await;
     assert_eq!(refused.unwrap_err(), poisoned);
     let info = map.info().await.unwrap();
@@ -51,7 +51,7 @@ async fn a_panic_in_an_optimization_is_answered_as_a_bug() {
     let mut client = Client::open(&map).await;
     client.send_street(0..2).await;
     client.finish().await;
-    let (progress, _rows) = mpsc::channel(1);
+    let (progress, _rows) = mpsc::unbounded_channel();
     let outcome = map.optimize(OptimizeOptions::default(), progress).await;
     assert!(matches!(outcome, Err(EngineError::Bug { .. })), "{outcome:?}");
     check_poisoned(&fixture).await;
