@@ -284,10 +284,7 @@ impl Actor {
             return Err(EngineError::RevisionAhead { map, revision, newest });
         }
         let (log, signal) = self.watching.open(newest);
-        let mut watch = Watch::new(handle, &self.map, self.state(), log, signal, place);
-        if from_revision.is_none() {
-            watch.reset = Some(Arc::clone(&self.map));
-        }
+        let watch = Watch::new(handle, &self.map, self.state(), log, signal, place);
         Ok((watch, Past::of(&self.map)))
     }
 

@@ -243,10 +243,7 @@ impl MapHandle {
         let opened = self.call(move |actor| ready(actor.watch(from_revision, handle)).boxed());
         let (mut watch, past) = opened.await??;
         if let Some(revision) = from_revision {
-            watch.resume_from(revision, past).await?;
-        }
-        if let Some(map) = &watch.reset {
-            self.durable(map.revision()).await?;
+            watch.resume_from(revision, past).await;
         }
         Ok(watch)
     }

@@ -31,8 +31,8 @@ const LEAST_BYTES: u64 = 4 << 20;
 /// A step of a watched map.
 #[derive(Clone, Debug)]
 pub struct MapChange {
-    /// Whether the reader must drop what it has, because too many ids were touched. Then `touched`
-    /// is not valid, and the snapshot is the full state.
+    /// Whether the reader must drop what it has: it begins, or too many ids were touched. Then
+    /// `touched` is not valid, and the snapshot is the full state.
     pub reset: bool,
     /// The revision before the step.
     pub base_revision: i64,
@@ -92,12 +92,6 @@ pub(super) fn most_touched(map: &Map) -> usize {
 /// A watched map.
 #[derive(Debug)]
 pub struct Watch {
-    /// The full state at the start; `None` when the reader continues from a revision that it has.
-    pub reset: Option<Arc<Map>>,
-    /// The revision that the first change starts from.
-    pub base_revision: i64,
-    /// The map's state at the start.
-    pub state: MapState,
     handle: MapHandle,
     log: LogReader,
     signal: watch::Receiver<()>,
@@ -118,7 +112,8 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// A watch of `map`, whose changes are in `log` from now on.
+    /// A watch of `map`, whose changes are in `log` from now on. Its first step is the full state, unless
+    /// [`Watch::resume_from`] finds what came since an earlier one.
     pub(super) fn new(
         handle: MapHandle,
         map: &Map,
@@ -127,18 +122,16 @@ impl Watch {
         signal: watch::Receiver<()>,
         place: [Reservation; 2],
     ) -> Self {
-        let revision = map.revision();
+        let mut gathered = Gathered::new(most_touched(map));
+        gathered.reset();
         Self {
-            reset: None,
-            base_revision: revision,
-            state,
             log,
             signal,
-            gathered: Gathered::new(most_touched(map)),
+            gathered,
             with_landmarks: true,
             opened: BTreeSet::new(),
-            sent: (revision, state),
-            due: false,
+            sent: (map.revision(), state),
+            due: true,
             pending: None,
             _place: place,
             _open: handle.shared.meters.watchers.hold(),
@@ -232,20 +225,15 @@ impl Watch {
     }
 
     /// Continues from `revision`, which the reader has. The changes between it and the start are
-    /// read from the journal, without the engine. If that is not possible, the watch begins with a
-    /// reset.
-    pub(super) async fn resume_from(
-        &mut self,
-        revision: i64,
-        past: Past,
-    ) -> Result<(), EngineError> {
+    /// read from the journal, without the engine. If that is not possible, the watch begins with the
+    /// full state.
+    pub(super) async fn resume_from(&mut self, revision: i64, past: Past) {
         let through = self.log.at();
-        self.base_revision = revision;
         self.sent.0 = revision;
+        self.gathered.reset = false;
         if revision >= through {
-            return Ok(());
+            return;
         }
-        self.due = true;
         let handle = self.handle.clone();
         let read = tokio::select! {
             read = read(&handle, revision, through, &past) => read,
@@ -258,16 +246,6 @@ impl Watch {
             }
             None => self.gathered.reset(),
         }
-        if !self.gathered.reset {
-            return Ok(());
-        }
-        let info = self.handle.info().await?;
-        (self.base_revision, self.state) = (info.snapshot.revision(), info.state);
-        self.sent = (self.base_revision, self.state);
-        self.fold(self.base_revision).await;
-        self.gathered = Gathered::new(most_touched(&info.snapshot));
-        self.reset = Some(info.snapshot);
-        Ok(())
     }
 }
 

@@ -18,8 +18,9 @@ async fn check_poisoned(fixture: &Fixture) {
     let info = map.info().await.unwrap();
     assert_eq!(info.state, MapState::Poisoned);
     // Reads go on, watching too, and other maps do not notice.
-    let watch = map.watch(None).await.unwrap();
-    assert_eq!(watch.reset.unwrap().state_hash(), info.snapshot.state_hash());
+    let mut watch = map.watch(None).await.unwrap();
+    let whole = watch.next().await.unwrap();
+    assert_eq!(whole.snapshot.state_hash(), info.snapshot.state_hash());
     fixture.maps.create("other", "", MapPolicy::default()).await.unwrap();
     let other = fixture.maps.get("other").unwrap();
     Client::open(&other).await;

@@ -128,7 +128,7 @@ async fn lock_step_run(threads: usize) -> ([u8; 32], Vec<(i64, i64)>, u64) {
     let (progress, mut rows) = mpsc::unbounded_channel();
     let reading = tokio::spawn(async move {
         let mut costs = Vec::new();
-        while let Some(row) = rows.recv().await {
+        while let Some(SolveStep::Iteration(row)) = rows.recv().await {
             costs.push(row.cost);
         }
         costs
