@@ -23,12 +23,11 @@ use covis_solvers::problem::SolveError;
 use futures_util::FutureExt;
 
 use super::error::report_bug;
-use super::handle::Condition;
 use super::joining::{Left, check_room};
 use super::maps::{Claim, run_to_end};
 use super::opening::{Start, uid};
 use super::pool::{Estimate, PoolError};
-use super::{EngineError, MapHandle, MapInfo, Maps, Resource, tenant_of};
+use super::{EngineError, MapHandle, MapInfo, Maps, Resource};
 use crate::loop_closing::{View, align};
 use crate::map::{EntityId, Link, Map, MergeError, MergedMap};
 
@@ -310,22 +309,14 @@ impl Maps {
         if !source.map().is_some_and(is_part) {
             return Err(not_merged());
         }
-        let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
-        let place = tenant.reserve(Resource::Maps, 1)?;
+        let place = self.tenant(&name).reserve(Resource::Maps, 1)?;
         let taken = name.clone();
         let left = to.call(|actor| actor.take_out(taken).boxed()).await??;
         let Left { map, content, epoch, flushed } = left;
         // A full disk delays it only: the content has no other map any more.
         let durable = to.durable_at_last(map.snapshot.revision()).await;
-        let start = Start {
-            flushed,
-            name: name.clone(),
-            epoch,
-            snapshot: content.revision(),
-            map: Arc::unwrap_or_clone(content),
-            condition: Condition::Open,
-            unopened: None,
-        };
+        let (revision, content) = (content.revision(), Arc::unwrap_or_clone(content));
+        let start = Start::open(name.clone(), epoch, content, revision, flushed);
         let from = self.spawn(start, place);
         source.set(Some(from.clone()));
         drop((source, claim));
