@@ -169,8 +169,8 @@ impl Durability {
             return;
         }
         self.not_before = revision.saturating_add(RETRY_EVENTS);
-        let (shared, epoch) = (Arc::clone(&self.shared), self.epoch);
-        let (map, kept) = (Arc::clone(map), self.kept);
+        let (shared, epoch, map) = (Arc::clone(&self.shared), self.epoch, Arc::clone(map));
+        let kept = self.kept;
         self.snapshot = Some(tokio::spawn(async move {
             let store = &shared.store;
             if let Err(error) = store.put_snapshot(&shared.name, epoch, map).await {

@@ -12,9 +12,7 @@ use tokio::sync::watch;
 
 use super::actor::Actor;
 use super::{Account, EngineError, MapHandle, MapInfo, Resource};
-use crate::map::{
-    Change, ClientIndex, Link, Map, MergeError, MergedClient, PendingSolve, SolveRequest, Usage,
-};
+use crate::map::{Change, ClientIndex, Link, Map, MergeError, MergedClient, Usage};
 use crate::store::{Epoch, Flushed, StoreError};
 
 /// A map that has left another one, as the store has made it.
@@ -118,7 +116,7 @@ impl Actor {
         let Some(content) = content.map(Arc::new) else {
             return Err(EngineError::NotMerged { map: map(), source_map: name });
         };
-        let merged = self.map.merged().iter().find(|merged| merged.name == name);
+        let merged = self.map.merged_as(&name);
         let clients: Vec<ClientIndex> =
             merged.into_iter().flat_map(|merged| &merged.clients).map(|c| c.index).collect();
         let store = Arc::clone(&self.shared.store);
@@ -140,9 +138,7 @@ impl Actor {
             return Err(error);
         }
         clients.into_iter().for_each(|client| self.solving.schedule.forget(client));
-        let pending =
-            PendingSolve { sequence: self.map.revision(), request: SolveRequest::LoopClosure };
-        self.trigger(ClientIndex::SERVER, pending).await;
+        self.trigger_own_closures().await;
         Ok(Left { map: self.info(), content, epoch, flushed })
     }
 }

@@ -17,10 +17,7 @@ use super::places::Places;
 use super::pool::{Slot, SolvePanicked, SolverPool};
 use super::{EngineError, Estimate, Resource};
 use crate::loop_closing::{View, close, excluded, not_indexed};
-use crate::map::{
-    Change, ClientIndex, Constraint, EntityId, Map, PendingSolve, PlaceRefusal, PlaceSearch,
-    SolveRequest,
-};
+use crate::map::{Change, Constraint, EntityId, Map, PlaceRefusal, PlaceSearch};
 
 /// Keyframes whose places are searched in one task. A search takes 10 to 100 ms, and its closure waits
 /// for the last one.
@@ -177,9 +174,7 @@ impl Actor {
         }
         if count > 0 {
             self.shared.meters.closures_found.add(count);
-            let pending =
-                PendingSolve { sequence: self.map.revision(), request: SolveRequest::LoopClosure };
-            self.trigger(ClientIndex::SERVER, pending).await;
+            self.trigger_own_closures().await;
         }
     }
 

@@ -70,7 +70,7 @@ impl Solving {
     pub(super) fn leaves_room(&self, is_lock_step: bool) -> bool {
         let runs_window =
             self.work.running().is_none_or(|running| running.kind == SolveKind::LocalBundle);
-        let waits = self.schedule.has_loop() || self.schedule.has_prior() || self.job.is_some();
+        let waits = self.schedule.is_loop_due(false) || self.job.is_some();
         if is_lock_step { self.is_idle() } else { runs_window && !waits }
     }
 
@@ -82,9 +82,7 @@ impl Solving {
         is_lock_step: bool,
     ) -> Option<Vec<u64>> {
         while self.work.is_free() {
-            let is_due = self.schedule.has_loop()
-                || (self.schedule.has_prior() && !(self.prior_went && self.schedule.has_window()));
-            if is_due {
+            if self.schedule.is_loop_due(self.prior_went) {
                 self.prior_went = true;
                 let ceiling = self.shared.config.ceiling();
                 let optimizer = optimizer::Options { ceiling, ..optimizer::Options::default() };
