@@ -28,7 +28,6 @@ use super::recognition::Recognition;
 use super::solve::Job;
 use super::solving::Solving;
 use super::touched::{Touched, size_of_change};
-use super::watch::Past;
 use super::watching::Watching;
 use super::{
     EngineError, Fault, IngestStream, MapHandle, MapInfo, MapState, Opened, Reservation, Resource,
@@ -267,7 +266,7 @@ impl Actor {
         &self,
         from_revision: Option<i64>,
         handle: MapHandle,
-    ) -> Result<(Watch, Past), EngineError> {
+    ) -> Result<Watch, EngineError> {
         // Where clients have other names here, their old ones may be those of others.
         if let Some(merged) = handle.merged_in(&self.map)?
             && !merged.renamed(&self.map).is_empty()
@@ -284,8 +283,7 @@ impl Actor {
             return Err(EngineError::RevisionAhead { map, revision, newest });
         }
         let (log, signal) = self.watching.open(newest);
-        let watch = Watch::new(handle, &self.map, self.state(), log, signal, place);
-        Ok((watch, Past::of(&self.map)))
+        Ok(Watch::new(handle, &self.map, self.state(), log, signal, place))
     }
 
     /// Accepts or refuses a request to optimize the map.

@@ -241,9 +241,9 @@ impl MapHandle {
         }
         let handle = self.clone();
         let opened = self.call(move |actor| ready(actor.watch(from_revision, handle)).boxed());
-        let (mut watch, past) = opened.await??;
+        let mut watch = opened.await??;
         if let Some(revision) = from_revision {
-            watch.resume_from(revision, past).await;
+            watch.resume_from(revision).await;
         }
         Ok(watch)
     }
@@ -268,15 +268,13 @@ impl MapHandle {
         let sequence = sequence_of(revision);
         let mut flushed = self.shared.flushed.clone();
         let ended = |f: &Flushed| f.through >= sequence || trouble(f).is_some();
-        match flushed.wait_for(ended).await {
-            Ok(reached) if reached.through < sequence => match trouble(&reached) {
-                Some(error) => {
-                    let ended = self.shared.ended.get().cloned();
-                    Err(ended.unwrap_or_else(|| EngineError::Store(error.clone())))
-                }
-                None => Ok(()),
-            },
-            Ok(_) | Err(_) => Ok(()),
+        let reached = flushed.wait_for(ended).await.ok().filter(|f| f.through < sequence);
+        match reached.and_then(|flushed| trouble(&flushed).cloned()) {
+            Some(error) => {
+                let ended = self.shared.ended.get().cloned();
+                Err(ended.unwrap_or(EngineError::Store(error)))
+            }
+            None => Ok(()),
         }
     }
 

@@ -95,6 +95,8 @@ pub struct Watch {
     handle: MapHandle,
     log: LogReader,
     signal: watch::Receiver<()>,
+    /// Most bytes of the journal that are read for what was missed: about the cost of the full state.
+    most_bytes: u64,
     /// The ids gathered so far for the next change.
     gathered: Gathered,
     /// Whether ids of landmarks are gathered.
@@ -127,6 +129,7 @@ impl Watch {
         Self {
             log,
             signal,
+            most_bytes: map.usage().bytes.max(LEAST_BYTES),
             gathered,
             with_landmarks: true,
             opened: BTreeSet::new(),
@@ -227,7 +230,7 @@ impl Watch {
     /// Continues from `revision`, which the reader has. The changes between it and the start are
     /// read from the journal, without the engine. If that is not possible, the watch begins with the
     /// full state.
-    pub(super) async fn resume_from(&mut self, revision: i64, past: Past) {
+    pub(super) async fn resume_from(&mut self, revision: i64) {
         let through = self.log.at();
         self.sent.0 = revision;
         self.gathered.reset = false;
@@ -235,8 +238,9 @@ impl Watch {
             return;
         }
         let handle = self.handle.clone();
+        let (most, most_bytes) = (self.gathered.most, self.most_bytes);
         let read = tokio::select! {
-            read = read(&handle, revision, through, &past) => read,
+            read = read(&handle, revision, through, most, most_bytes) => read,
             () = self.gather() => None,
         };
         match read {
@@ -249,37 +253,27 @@ impl Watch {
     }
 }
 
-/// Limits of the history that is read: about the cost of the full state.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Past {
-    /// Most events, and most ids that they touched.
-    entities: usize,
-    /// Most bytes of the journal.
-    bytes: u64,
-}
-
-impl Past {
-    /// The bounds for `map`.
-    pub(super) fn of(map: &Map) -> Self {
-        let entities = most_touched(map);
-        Self { entities, bytes: map.usage().bytes.max(LEAST_BYTES) }
-    }
-}
-
 /// What was touched, and the names of the clients that opened streams.
 type History = (Touched, BTreeSet<String>);
 
-/// Reads the events after `from` up to `through`. `None` if the full state is cheaper, or if the
-/// events do not name everything that changed: then the reader needs the full state.
-async fn read(handle: &MapHandle, from: i64, through: i64, past: &Past) -> Option<History> {
+/// Reads the events after `from` up to `through`. `None` if the full state is cheaper, because they are
+/// more events or ids than `most` or more than `most_bytes`, or if the events do not name everything
+/// that changed: then the reader needs the full state.
+async fn read(
+    handle: &MapHandle,
+    from: i64,
+    through: i64,
+    most: usize,
+    most_bytes: u64,
+) -> Option<History> {
     let events = usize::try_from(through.saturating_sub(from)).unwrap_or(usize::MAX);
-    if events > past.entities {
+    if events > most {
         return None;
     }
     let turn = handle.shared.history.acquire().await;
     // The semaphore is never closed.
     let _turn = turn.ok()?;
-    match pieces(handle, from, through, past).await {
+    match pieces(handle, from, through, most, most_bytes).await {
         Ok(history) => history,
         Err(EngineError::Store(StoreError::Truncated { .. })) => None,
         Err(error) => {
@@ -293,11 +287,12 @@ async fn pieces(
     handle: &MapHandle,
     from: i64,
     through: i64,
-    past: &Past,
+    most: usize,
+    most_bytes: u64,
 ) -> Result<Option<History>, EngineError> {
     let (store, name) = (&handle.shared.store, &handle.shared.name);
     let mut reader = store.reader(name, sequence_of(from), sequence_of(through)).await?;
-    let mut gathered = Gathered::new(past.entities);
+    let mut gathered = Gathered::new(most);
     let (mut opened, mut bytes, mut last) = (BTreeSet::new(), 0, from);
     loop {
         let piece = reader.next().await?;
@@ -305,7 +300,7 @@ async fn pieces(
         last = end.revision;
         bytes += piece.bytes;
         let is_known = piece.events.iter().all(|event| add(event, &mut gathered, &mut opened));
-        if !is_known || gathered.reset || bytes > past.bytes {
+        if !is_known || gathered.reset || bytes > most_bytes {
             return Ok(None);
         }
         // Lets other tasks run, above all the engine.
