@@ -179,9 +179,7 @@ impl Ingest {
             _place: place,
         };
         self.streams.insert(client, stream);
-        let durable = self.shared.is_durable();
-        let sender =
-            ItemSender { handle, client, epoch, durable, events: sender, ended, finished: false };
+        let sender = ItemSender { handle, client, epoch, events: sender, ended, finished: false };
         IngestStream { opened, sender, events }
     }
 
