@@ -278,27 +278,19 @@ fn engine(mut error: EngineError) -> Parts {
 
 fn store(error: StoreError) -> Parts {
     let message = error.to_string();
+    let parts =
+        |code, reason, map: String| Parts::new(code, reason, message.clone()).with("map_id", map);
     match error {
-        StoreError::UnknownMap { map } => {
-            Parts::new(Code::NotFound, "MAP_NOT_FOUND", message).with("map_id", map)
-        }
-        StoreError::MapExists { map } => {
-            Parts::new(Code::AlreadyExists, "MAP_EXISTS", message).with("map_id", map)
-        }
+        StoreError::UnknownMap { map } => parts(Code::NotFound, "MAP_NOT_FOUND", map),
+        StoreError::MapExists { map } => parts(Code::AlreadyExists, "MAP_EXISTS", map),
         StoreError::Unavailable { map, cause: _ } => {
-            Parts::new(Code::ResourceExhausted, "STORE_UNAVAILABLE", message)
-                .with("map_id", map)
-                .retry(RETRY_FULL)
+            parts(Code::ResourceExhausted, "STORE_UNAVAILABLE", map).retry(RETRY_FULL)
         }
-        StoreError::Failed { map, cause: _ } => {
-            Parts::new(Code::Internal, "STORE_FAILED", message).with("map_id", map)
-        }
+        StoreError::Failed { map, cause: _ } => parts(Code::Internal, "STORE_FAILED", map),
         // The map can be read; it accepts changes again after the disk was repaired.
         StoreError::Stopped { map, .. }
         | StoreError::Later { map, .. }
-        | StoreError::Ambiguous { map, .. } => {
-            Parts::new(Code::FailedPrecondition, "MAP_POISONED", message).with("map_id", map)
-        }
+        | StoreError::Ambiguous { map, .. } => parts(Code::FailedPrecondition, "MAP_POISONED", map),
         StoreError::Damaged { map, mut damage } => {
             // Callers learn nothing about the server's folders.
             damage.file = damage.file.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
@@ -307,9 +299,7 @@ fn store(error: StoreError) -> Parts {
         }
         // Clients follow to the owner.
         StoreError::OwnedElsewhere { map, owner } => {
-            let parts = Parts::new(Code::Unavailable, "MAP_OWNED_ELSEWHERE", message)
-                .with("map_id", map)
-                .retry(RETRY_ELSEWHERE);
+            let parts = parts(Code::Unavailable, "MAP_OWNED_ELSEWHERE", map).retry(RETRY_ELSEWHERE);
             match owner {
                 Some(owner) => parts.with("owner", owner),
                 None => parts,
