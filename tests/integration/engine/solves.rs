@@ -226,7 +226,7 @@ async fn keyframes_that_arrive_during_an_optimization_are_carried_along() {
     let (progress, mut rows) = mpsc::unbounded_channel();
     let mut optimizing = Box::pin(map.optimize(OptimizeOptions::default(), progress));
     assert!((&mut optimizing).now_or_never().is_none());
-    // The engine takes control messages before items.
+    // The engine takes requests before items.
     let sequence = client.send(noisy_keyframe(4)).await;
     client.received(sequence).await;
     let start = map.snapshot().await.unwrap();
