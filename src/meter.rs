@@ -88,18 +88,19 @@ pub struct Histogram {
     sum: AtomicU64,
 }
 
+impl Default for Histogram {
+    /// An empty one of durations.
+    fn default() -> Self {
+        Self::new(DURATIONS_NS)
+    }
+}
+
 impl Histogram {
     /// An empty one; `bounds` rise, and a value that equals a bound falls below it.
     #[must_use]
     pub fn new(bounds: &'static [u64]) -> Self {
         let counts = (0..=bounds.len()).map(|_| AtomicU64::new(0)).collect();
         Self { bounds, counts, sum: AtomicU64::new(0) }
-    }
-
-    /// An empty one of durations.
-    #[must_use]
-    pub fn of_durations() -> Self {
-        Self::new(DURATIONS_NS)
     }
 
     /// Takes a value, in the unit of the bounds.

@@ -7,7 +7,6 @@ use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{self, ignore_iterations};
-use covis_solvers::price::Ceiling;
 use covis_solvers::problem::BundleProblem;
 
 use super::convert::solve::{
@@ -16,10 +15,12 @@ use super::convert::solve::{
 use super::convert::{Path, convert, count, problem};
 use super::engine::Estimate;
 use super::error::ServiceError;
+use super::optimization_service::Means;
 use crate::wire::v1;
 
 /// A request in the solver's terms.
 pub(super) struct Input {
+    request: v1::SolveBundleRequest,
     bundle: BundleProblem,
     gauge: v1::Gauge,
     options: Options,
@@ -35,36 +36,31 @@ impl Input {
 }
 
 /// Reads a request.
-pub(super) fn input(
-    request: &v1::SolveBundleRequest,
-    threads: usize,
-    ceiling: Ceiling,
-) -> Result<Input, ServiceError> {
-    let input = convert(|out| {
+pub(super) fn input(request: v1::SolveBundleRequest, means: &Means) -> Result<Input, ServiceError> {
+    let (bundle, gauge, options) = convert(|out| {
         let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
-        let options = options(request.options.as_ref(), Systems::Bundle, threads, None, out);
+        let options = options(request.options.as_ref(), Systems::Bundle, means.threads, None, out);
         let loss = loss?.unwrap_or(Loss::Trivial);
         let message = request.problem.as_ref();
         let mut bundle = problem::bundle(message, loss, request.refine_intrinsics, out)?;
         let gauge = problem::hold_gauge(request.gauge, &mut bundle, out);
         let options = options?;
         let options = Options {
-            optimizer: optimizer::Options { ceiling, ..options.optimizer },
+            optimizer: optimizer::Options { ceiling: means.ceiling, ..options.optimizer },
             linear_solver: options.linear_solver,
             ..Options::default()
         };
-        Some(Input { bundle, gauge: gauge?, options })
+        Some((bundle, gauge?, options))
     })?;
-    Ok(input)
+    Ok(Input { request, bundle, gauge, options })
 }
 
-/// Solves the problem of `request`, from which `input` was read.
+/// Solves the problem.
 pub(super) fn run(
-    request: v1::SolveBundleRequest,
     input: Input,
     interrupt: &Interrupt,
 ) -> Result<v1::SolveBundleResponse, ServiceError> {
-    let Input { mut bundle, gauge, options } = input;
+    let Input { request, mut bundle, gauge, options } = input;
     let before = bundle_cost(&bundle);
     let solved =
         bundle_adjustment::solve_until(&mut bundle, &options, interrupt, &mut ignore_iterations);

@@ -24,10 +24,7 @@ impl Clock {
     /// The current time.
     pub(super) fn now(&self) -> i64 {
         match self {
-            Self::System => {
-                let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-                i64::try_from(since.as_secs()).unwrap_or(i64::MAX)
-            }
+            Self::System => self.now_ns() / 1_000_000_000,
             Self::Manual(time) => *time.borrow(),
         }
     }

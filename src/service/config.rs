@@ -180,31 +180,25 @@ impl Default for ServerConfig {
 }
 
 impl ServerConfig {
+    /// The fault that a test injects; none without the feature `faults`.
+    fn fault(&self) -> Option<&str> {
+        #[cfg(feature = "faults")]
+        return self.test_fault.as_deref();
+        #[cfg(not(feature = "faults"))]
+        return None;
+    }
+
     /// Whether a test injects a panic into the handler of `rpc`.
-    #[cfg(feature = "faults")]
     pub(super) fn panics_in_rpc(&self, rpc: &str) -> bool {
-        let fault = self.test_fault.as_deref().and_then(|fault| fault.strip_prefix("rpc:"));
+        let fault = self.fault().and_then(|fault| fault.strip_prefix("rpc:"));
         fault.is_some_and(|name| name == rpc || name == "*")
     }
 
     /// Whether a test holds jobs: `hold-jobs` before their work, `hold-problems` before the second
     /// problem of one, `hold-checkpoint` after a
     /// checkpoint, `hold-applied` after a map's solve was applied and before that is in the record.
-    #[cfg(feature = "faults")]
     pub(super) fn holds(&self, what: &str) -> bool {
-        self.test_fault.as_deref() == Some(what)
-    }
-
-    /// Without the feature `faults` no job is held.
-    #[cfg(not(feature = "faults"))]
-    pub(super) const fn holds(&self, _what: &str) -> bool {
-        false
-    }
-
-    /// Without the feature `faults` no panic is injected.
-    #[cfg(not(feature = "faults"))]
-    pub(super) const fn panics_in_rpc(&self, _rpc: &str) -> bool {
-        false
+        self.fault() == Some(what)
     }
 
     /// Limits of the server's account.

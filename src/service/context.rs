@@ -24,7 +24,7 @@ use super::access::Access;
 use super::config::ServerConfig;
 use super::connections::Connections;
 use super::convert::map::ServerLimits;
-use super::engine::{EngineError, Maps};
+use super::engine::{EngineError, Maps, panic_message};
 use super::error::ServiceError;
 use super::jobs::Jobs;
 use super::readers::Readers;
@@ -231,9 +231,7 @@ impl Context {
         });
         handler.catch_unwind().await.unwrap_or_else(|panic| {
             self.meters.rpc_panics.increment();
-            let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-            let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-            let message = text.unwrap_or_else(|| "a panic without a message".to_owned());
+            let message = panic_message(panic.as_ref());
             Err(ServiceError::Panicked { message: format!("{rpc}: {message}") })
         })
     }

@@ -11,7 +11,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use covis_solvers::interrupt::Interrupt;
-use covis_solvers::optimizer::{Control, IterationSummary};
 use tonic::Request;
 use tonic::metadata::MetadataMap;
 
@@ -82,16 +81,6 @@ impl CancelOnDrop {
     pub(super) fn interrupt(&self, deadline: Option<Instant>) -> Interrupt {
         Interrupt::at(deadline).or_when(Arc::clone(&self.0))
     }
-
-    /// An observer that stops the solve once this guard is dropped.
-    pub(super) fn observer(
-        &self,
-    ) -> impl FnMut(&IterationSummary) -> Control + Send + 'static + use<> {
-        let canceled = Arc::clone(&self.0);
-        move |_row| {
-            if canceled.load(Ordering::Relaxed) { Control::Cancel } else { Control::Continue }
-        }
-    }
 }
 
 impl Drop for CancelOnDrop {
@@ -103,8 +92,6 @@ impl Drop for CancelOnDrop {
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
-
-    use covis_solvers::optimizer::{Control, IterationSummary};
 
     use super::{CancelOnDrop, kept, parse};
 
@@ -134,20 +121,10 @@ mod tests {
 
     #[test]
     fn a_dropped_guard_cancels() {
-        let row = IterationSummary {
-            iteration: 0,
-            cost: 1.0,
-            seconds: 0.0,
-            accepted: true,
-            damping: 0.0,
-            gradient_max_norm: 0.0,
-            step_norm: 0.0,
-            step_quality: 0.0,
-        };
         let guard = CancelOnDrop::default();
-        let mut observer = guard.observer();
-        assert_eq!(observer(&row), Control::Continue);
+        let interrupt = guard.interrupt(None);
+        assert!(!interrupt.is_due());
         drop(guard);
-        assert_eq!(observer(&row), Control::Cancel);
+        assert!(interrupt.is_due());
     }
 }

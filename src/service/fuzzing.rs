@@ -8,7 +8,6 @@
 use std::path::Path;
 
 use covis_solvers::interrupt::Interrupt;
-use covis_solvers::optimizer::Control;
 use prost::Message as _;
 
 use super::access::ParsedTokens;
@@ -17,6 +16,7 @@ use super::convert::item::{digest, item};
 use super::convert::map::{ServerLimits, display_name, policy};
 use super::convert::{convert, ids};
 use super::engine::EngineConfig;
+use super::optimization_service::Means;
 use super::{bundle_solve, graph_solve, listing, optimization_service, refine, tls};
 use crate::map::{
     Cause, Change, ClientIndex, EntityId, Event, Map, MapLimits, Recall, choose_window,
@@ -138,10 +138,10 @@ pub fn wire_requests(input: &[u8]) {
         2 => decoded(bytes).map_or((), refine_pose),
         3 => decoded(bytes).map_or((), create_map),
         4 => decoded(bytes).map_or((), |request| {
-            judge(optimization_service::map_options(&request, THREADS, None));
+            expect_status(optimization_service::map_options(&request, THREADS, None));
         }),
         _ => decoded(bytes).map_or((), |request: v1::ListMapsRequest| {
-            judge(listing::page(
+            expect_status(listing::page(
                 request.page_size,
                 &request.page_token,
                 &listing::PagedList::maps(""),
@@ -152,13 +152,12 @@ pub fn wire_requests(input: &[u8]) {
 
 fn solve_bundle(mut request: v1::SolveBundleRequest) {
     bound(&mut request.options);
-    let Ok(read) = bundle_solve::input(&request, THREADS, EngineConfig::default().ceiling()) else {
-        return;
-    };
     let problem = request.problem.as_ref();
     let size = problem.map_or((0, 0), |p| (p.poses.len(), p.observations.len()));
-    if is_small(size) && problem.is_some_and(|p| p.points.len() <= MOST_FACTORS) {
-        judge(bundle_solve::run(request, read, &Interrupt::NEVER));
+    let is_small = is_small(size) && problem.is_some_and(|p| p.points.len() <= MOST_FACTORS);
+    let Ok(read) = bundle_solve::input(request, &means()) else { return };
+    if is_small {
+        expect_status(bundle_solve::run(read, &Interrupt::NEVER));
     }
 }
 
@@ -169,20 +168,23 @@ fn solve_pose_graph(mut request: v1::SolvePoseGraphRequest) {
         Some(Graph::Se2(graph)) => (graph.vertices.len(), graph.edges.len()),
         None => (0, 0),
     };
-    let Ok(read) = graph_solve::input(request, THREADS, EngineConfig::default().ceiling()) else {
-        return;
-    };
+    let Ok(read) = graph_solve::input(request, &means()) else { return };
     if is_small(size) {
-        judge(graph_solve::run(read, &Interrupt::NEVER));
+        expect_status(graph_solve::run(read, &Interrupt::NEVER));
     }
 }
 
 fn refine_pose(mut request: v1::RefinePoseRequest) {
     bound(&mut request.options);
-    let Ok(read) = refine::input(&request, THREADS, None) else { return };
-    if request.observations.len() <= MOST_FACTORS {
-        judge(refine::run(&read, &mut |_row| Control::Continue));
+    let is_small = request.observations.len() <= MOST_FACTORS;
+    let Ok(read) = refine::input(request, &means()) else { return };
+    if is_small {
+        expect_status(refine::run(read, &Interrupt::NEVER));
     }
+}
+
+fn means() -> Means {
+    Means { threads: THREADS, ceiling: EngineConfig::default().ceiling(), deadline: None }
 }
 
 /// Inputs of `wire_item` and of `wire_requests` that take as much memory as `length` bytes can.
@@ -252,7 +254,7 @@ fn is_small((poses, factors): (usize, usize)) -> bool {
 }
 
 /// Every error must have a status.
-fn judge<T>(outcome: Result<T, super::error::ServiceError>) {
+fn expect_status<T>(outcome: Result<T, super::error::ServiceError>) {
     if let Err(error) = outcome {
         let _status = tonic::Status::from(error);
     }

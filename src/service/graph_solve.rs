@@ -9,7 +9,6 @@ use covis_solvers::interrupt::Interrupt;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{Options, ignore_iterations};
 use covis_solvers::pose_graph;
-use covis_solvers::price::Ceiling;
 use covis_solvers::problem::PoseGraph;
 use covis_solvers::robust::{ClosureVerdict, Kernel};
 
@@ -22,6 +21,7 @@ use super::convert::solve::{
 use super::convert::{Path, Violations, convert, count, small};
 use super::engine::Estimate;
 use super::error::ServiceError;
+use super::optimization_service::Means;
 use crate::map::{ClosureRobustness, Reason};
 use crate::wire::v1;
 use v1::solve_pose_graph_request::Graph as WireGraph;
@@ -63,12 +63,12 @@ impl Input {
 /// Reads a request.
 pub(super) fn input(
     request: v1::SolvePoseGraphRequest,
-    threads: usize,
-    ceiling: Ceiling,
+    means: &Means,
 ) -> Result<Input, ServiceError> {
-    let input = convert(|out| {
+    Ok(convert(|out| {
         let graph_loss = loss(Path::root("loss"), request.loss.as_ref(), out);
-        let options = options(request.options.as_ref(), Systems::PoseGraph, threads, None, out);
+        let systems = Systems::PoseGraph;
+        let options = options(request.options.as_ref(), systems, means.threads, None, out);
         let at = Path::root("robust");
         let robust = robustness(at, request.robust.as_ref(), ClosureRobustness::NONE, out);
         let graph_loss = graph_loss?.unwrap_or(Loss::Trivial);
@@ -85,11 +85,10 @@ pub(super) fn input(
             }
         };
         let (certify, include_iterations) = (request.certify, request.include_iterations);
-        let options = Options { ceiling, ..options?.optimizer };
+        let options = Options { ceiling: means.ceiling, ..options?.optimizer };
         let settings = Settings { options, robust, certify, include_iterations };
         Some(Input { graph: graph?, settings })
-    })?;
-    Ok(input)
+    })?)
 }
 
 /// The graph with the start that the rest of the request makes the default.

@@ -86,7 +86,7 @@ async fn read_open(inbound: &mut Streaming<v1::IngestRequest>) -> Result<Open, S
         return Err(ServiceError::field("sequence", Reason::OutOfRange, text));
     }
     let at = Path::root("open");
-    let checked = convert(|out| {
+    Ok(convert(|out| {
         let map = ids::name(at.field("map_id"), &open.map_id, out);
         let client = ids::name(at.field("client_id"), &open.client_id, out);
         let epoch = ids::id(at.field("epoch"), open.epoch, out);
@@ -98,8 +98,7 @@ async fn read_open(inbound: &mut Streaming<v1::IngestRequest>) -> Result<Open, S
             lock_step: options.lock_step,
             omit_summary: options.omit_solve_summary,
         })
-    })?;
-    Ok(checked)
+    })?)
 }
 
 async fn opened(

@@ -388,11 +388,10 @@ impl MapService for Rpcs {
 
 /// How far a watcher's values may be off.
 fn resolution(request: &v1::WatchMapRequest) -> Result<Resolution, ServiceError> {
-    let resolution = convert(|out| {
+    Ok(convert(|out| {
         let mut read = |field, value| out.not_negative(Path::root(field), value);
         let position_m = read("position_resolution_m", request.position_resolution_m);
         let rotation_rad = read("rotation_resolution_rad", request.rotation_resolution_rad);
         Some(Resolution { position_m: position_m?, rotation_rad: rotation_rad? })
-    })?;
-    Ok(resolution)
+    })?)
 }

@@ -7,6 +7,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::price::Ceiling;
 use prost::Message;
 use tokio::sync::mpsc;
@@ -21,7 +22,7 @@ use super::convert::solve::{
 use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{
-    Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
+    Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError, SolveStep,
 };
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, localize, refine};
@@ -34,6 +35,17 @@ use v1::optimize_map_response::Event;
 /// Largest message that is converted on the thread that received it, bytes. The time of a conversion
 /// grows with the message, and other calls would wait behind a large one.
 const SMALL_MESSAGE: usize = 64 << 10;
+
+/// What the solve of a request may use.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Means {
+    /// Threads of the pool.
+    pub(super) threads: usize,
+    /// The limits of a solve.
+    pub(super) ceiling: Ceiling,
+    /// When it must end.
+    pub(super) deadline: Option<Instant>,
+}
 
 impl Rpcs {
     /// Runs a solve on the pool. A solve whose `deadline` passes while it is queued runs outside
@@ -77,25 +89,24 @@ impl Rpcs {
         solved?.ok_or(ServiceError::DeadlineExceeded)
     }
 
-    /// The limits of a solve.
-    fn ceiling(&self) -> Ceiling {
-        self.context.config.engine.ceiling()
-    }
-
-    async fn refine(
+    /// Answers a call that brings its problem: reads it, and solves it on the pool.
+    async fn solve_request<Q: Message + 'static, I: Send + 'static, A: Send + 'static>(
         &self,
-        request: Request<v1::RefinePoseRequest>,
-    ) -> Result<v1::RefinePoseResponse, ServiceError> {
+        request: Request<Q>,
+        input: fn(Q, &Means) -> Result<I, ServiceError>,
+        estimate: fn(&I) -> Estimate,
+        run: fn(I, &Interrupt) -> Result<A, ServiceError>,
+    ) -> Result<A, ServiceError> {
         let caller = Caller::of(&request)?;
         let bytes = request.get_ref().encoded_len();
         let deadline = solve_deadline(&request, bytes);
-        let threads = self.context.maps.pool().threads();
-        let request = request.into_inner();
-        let input = read(bytes, move || refine::input(&request, threads, deadline)).await?;
-        let cancel = CancelOnDrop::default();
-        let mut observer = cancel.observer();
-        let estimate = input.estimate(self.ceiling());
-        self.solve(&caller, estimate, deadline, move || refine::run(&input, &mut observer)).await?
+        let (threads, ceiling) =
+            (self.context.maps.pool().threads(), self.context.config.engine.ceiling());
+        let (request, means) = (request.into_inner(), Means { threads, ceiling, deadline });
+        let input = read(bytes, move || input(request, &means)).await?;
+        let (estimate, cancel) = (estimate(&input), CancelOnDrop::default());
+        let interrupt = cancel.interrupt(deadline);
+        self.solve(&caller, estimate, deadline, move || run(input, &interrupt)).await?
     }
 
     async fn locate(
@@ -127,39 +138,6 @@ impl Rpcs {
             }
         }
     }
-
-    async fn bundle(
-        &self,
-        request: Request<v1::SolveBundleRequest>,
-    ) -> Result<v1::SolveBundleResponse, ServiceError> {
-        let caller = Caller::of(&request)?;
-        let bytes = request.get_ref().encoded_len();
-        let deadline = solve_deadline(&request, bytes);
-        let (threads, ceiling) = (self.context.maps.pool().threads(), self.ceiling());
-        let request = request.into_inner();
-        let both = move || Ok((bundle_solve::input(&request, threads, ceiling)?, request));
-        let (input, request) = read(bytes, both).await?;
-        let (estimate, cancel) = (input.estimate(), CancelOnDrop::default());
-        let interrupt = cancel.interrupt(deadline);
-        let work = move || bundle_solve::run(request, input, &interrupt);
-        self.solve(&caller, estimate, deadline, work).await?
-    }
-
-    async fn graph(
-        &self,
-        request: Request<v1::SolvePoseGraphRequest>,
-    ) -> Result<v1::SolvePoseGraphResponse, ServiceError> {
-        let caller = Caller::of(&request)?;
-        let bytes = request.get_ref().encoded_len();
-        let deadline = solve_deadline(&request, bytes);
-        let (threads, ceiling) = (self.context.maps.pool().threads(), self.ceiling());
-        let request = request.into_inner();
-        let input = read(bytes, move || graph_solve::input(request, threads, ceiling)).await?;
-        let (estimate, cancel) = (input.estimate(), CancelOnDrop::default());
-        let interrupt = cancel.interrupt(deadline);
-        let work = move || graph_solve::run(input, &interrupt);
-        self.solve(&caller, estimate, deadline, work).await?
-    }
 }
 
 /// Converts a message of so many bytes: a large one on a blocking thread, so that other calls do not
@@ -185,7 +163,7 @@ pub(super) fn map_options(
     threads: usize,
     deadline: Option<Instant>,
 ) -> Result<(String, OptimizeOptions), ServiceError> {
-    let converted = convert(|out| {
+    Ok(convert(|out| {
         let map_id = ids::map_id(&request.map_id, out);
         let problem = match out.known(Path::root("problem"), request.problem)? {
             v1::MapProblem::Unspecified | v1::MapProblem::Full => OptimizeProblem::Full,
@@ -223,8 +201,7 @@ pub(super) fn map_options(
                 deadline,
             },
         ))
-    })?;
-    Ok(converted)
+    })?)
 }
 
 pub(super) fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
@@ -252,7 +229,9 @@ impl OptimizationService for Rpcs {
         &self,
         request: Request<v1::RefinePoseRequest>,
     ) -> Result<Response<v1::RefinePoseResponse>, Status> {
-        self.context.answer("RefinePose", self.refine(request)).await
+        use refine::{Input, input, run};
+        let refined = self.solve_request(request, input, Input::estimate, run);
+        self.context.answer("RefinePose", refined).await
     }
 
     async fn localize(
@@ -276,9 +255,10 @@ impl OptimizationService for Rpcs {
             let threads = context.maps.pool().threads();
             let (map_id, options) = map_options(&request, threads, deadline)?;
             let map = context.maps.find(&caller?.engine_name(&map_id)).await?;
-            let (progress, mut rows) = mpsc::channel(16);
+            let (progress, mut steps) = mpsc::unbounded_channel();
             let forwarding = async {
-                while let Some(row) = rows.recv().await {
+                while let Some(step) = steps.recv().await {
+                    let SolveStep::Iteration(row) = step else { continue };
                     let event = Some(Event::Iteration(to_iteration(&row)));
                     sink.send(v1::OptimizeMapResponse { event }).await?;
                 }
@@ -300,13 +280,17 @@ impl OptimizationService for Rpcs {
         &self,
         request: Request<v1::SolveBundleRequest>,
     ) -> Result<Response<v1::SolveBundleResponse>, Status> {
-        self.context.answer("SolveBundle", self.bundle(request)).await
+        use bundle_solve::{Input, input, run};
+        let solved = self.solve_request(request, input, Input::estimate, run);
+        self.context.answer("SolveBundle", solved).await
     }
 
     async fn solve_pose_graph(
         &self,
         request: Request<v1::SolvePoseGraphRequest>,
     ) -> Result<Response<v1::SolvePoseGraphResponse>, Status> {
-        self.context.answer("SolvePoseGraph", self.graph(request)).await
+        use graph_solve::{Input, input, run};
+        let solved = self.solve_request(request, input, Input::estimate, run);
+        self.context.answer("SolvePoseGraph", solved).await
     }
 }

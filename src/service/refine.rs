@@ -7,10 +7,10 @@ use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::factors::{DepthReprojection, PosePrior};
 use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::information::Information;
+use covis_solvers::interrupt::{Interrupt, Interruption};
 use covis_solvers::loss::Loss;
-use covis_solvers::optimizer::{self, Observer};
+use covis_solvers::optimizer::{self, Control, IterationSummary};
 use covis_solvers::pose_refinement::{self, PointObservation, Prior};
-use covis_solvers::price::Ceiling;
 use covis_solvers::problem::BundleProblem;
 
 use super::convert::camera::camera;
@@ -20,6 +20,7 @@ use super::convert::solve::{Systems, add_costs, loss, options, to_summary};
 use super::convert::{Path, convert};
 use super::engine::Estimate;
 use super::error::ServiceError;
+use super::optimization_service::Means;
 use crate::wire::v1;
 
 /// Loss if the request names none.
@@ -38,32 +39,28 @@ pub(super) struct Input {
     prior: Option<Prior>,
     options: pose_refinement::Options,
     include_information: bool,
-    /// Deadline of the solve.
-    deadline: Option<Instant>,
+    means: Means,
 }
 
 impl Input {
     /// The expected cost of its solve.
-    pub(super) fn estimate(&self, ceiling: Ceiling) -> Estimate {
+    pub(super) fn estimate(&self) -> Estimate {
         let bound = pose_refinement::price_bound(self.observations.len());
-        Estimate::new(bound, self.options.optimizer.max_iterations, &ceiling)
+        Estimate::new(bound, self.options.optimizer.max_iterations, &self.means.ceiling)
     }
 }
 
 /// Reads a request.
-pub(super) fn input(
-    request: &v1::RefinePoseRequest,
-    threads: usize,
-    deadline: Option<Instant>,
-) -> Result<Input, ServiceError> {
-    let input = convert(|out| {
+pub(super) fn input(request: v1::RefinePoseRequest, means: &Means) -> Result<Input, ServiceError> {
+    Ok(convert(|out| {
         let at = Path::root("camera");
         let camera = out.required(at, request.camera.as_ref()).and_then(|m| camera(at, m, out));
         let start = request.world_from_camera.as_ref();
         let start = rigid_transform(Path::root("world_from_camera"), start, out);
         let observations = point_observations(&request.observations, out);
         let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
-        let options = options(request.options.as_ref(), Systems::SinglePose, threads, None, out);
+        let systems = Systems::SinglePose;
+        let options = options(request.options.as_ref(), systems, means.threads, None, out);
         let prior = prior(request.prior.as_ref(), out);
         if request.include_covariance {
             let _: Option<()> = out.unimplemented(Path::root("include_covariance"));
@@ -76,36 +73,35 @@ pub(super) fn input(
             prior: prior?,
             options: pose_refinement::Options { optimizer: options?.optimizer, loss, class: None },
             include_information: request.include_information,
-            deadline,
+            means: *means,
         })
-    })?;
-    Ok(input)
+    })?)
 }
 
 /// Refines the pose.
 pub(super) fn run(
-    input: &Input,
-    observer: &mut Observer<'_>,
+    input: Input,
+    interrupt: &Interrupt,
 ) -> Result<v1::RefinePoseResponse, ServiceError> {
-    let Input { camera, start, observations, .. } = input;
+    let Input { camera, start, observations, .. } = &input;
     // The time that is left after the wait in the queue.
-    let left = input.deadline.map(|at| at.saturating_duration_since(Instant::now()));
+    let left = input.means.deadline.map(|at| at.saturating_duration_since(Instant::now()));
     let optimizer = input.options.optimizer;
     let deadline = optimizer.deadline.into_iter().chain(left).min();
     let optimizer = optimizer::Options { deadline, ..optimizer };
     let options = &pose_refinement::Options { optimizer, ..input.options };
-    let refined = pose_refinement::refine(
-        camera,
-        start,
-        observations,
-        input.prior.as_ref(),
-        options,
-        observer,
-    )
-    .map_err(|error| ServiceError::Unsolvable { field: "observations", error })?;
+    let mut observer = |_row: &IterationSummary| match interrupt.reason() {
+        Some(Interruption::Cancelled) => Control::Cancel,
+        Some(Interruption::Deadline) | None => Control::Continue,
+    };
+    let prior = input.prior.as_ref();
+    let refined =
+        pose_refinement::refine(camera, start, observations, prior, options, &mut observer);
+    let refined =
+        refined.map_err(|error| ServiceError::Unsolvable { field: "observations", error })?;
     let mut summary = to_summary(&refined.summary, options.optimizer.method);
-    let before = bundle_cost(&as_bundle(input, *start));
-    let after = bundle_cost(&as_bundle(input, refined.world_from_camera));
+    let before = bundle_cost(&as_bundle(&input, *start));
+    let after = bundle_cost(&as_bundle(&input, refined.world_from_camera));
     add_costs(&mut summary, &before, &after);
     summary.linear_solver = v1::LinearSolver::DenseCholesky.into();
     // Known points fix the frame; the wire has no name for that.

@@ -19,7 +19,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -29,6 +29,7 @@ use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
 use super::access::{Access, AccessError};
+use super::clock::Clock;
 use super::config::ServerConfig;
 use super::connections::{self, Accepted, Connections, Socket, Transport};
 use super::context::Context;
@@ -187,7 +188,7 @@ impl Server {
         let (drain, draining) = watch::channel(false);
         let connections = Connections::new(config.connections, telemetry::max_open_files());
         let instance_id = random_id();
-        let (start_time_ns, ready) = (now_ns(), AtomicBool::new(false));
+        let (start_time_ns, ready) = (Clock::System.now_ns(), AtomicBool::new(false));
         let context = Arc::new(Context {
             maps,
             jobs,
@@ -457,10 +458,4 @@ fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
     };
     config.engine.fault = Some(fault);
     Ok(config)
-}
-
-/// Unix time in nanoseconds.
-fn now_ns() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }

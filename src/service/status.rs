@@ -12,6 +12,7 @@ use covis_solvers::problem::SolveError;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
 
+use super::access::maps_of;
 use super::engine::EngineError;
 use super::error::ServiceError;
 use super::jobs::JobError;
@@ -202,149 +203,94 @@ fn rejected(rejection: &Rejection) -> Parts {
         .fold(parts, |parts, v| parts.violation(&v.field, reason_name(v.reason), &v.description))
 }
 
-fn engine(error: EngineError) -> Parts {
+fn engine(mut error: EngineError) -> Parts {
     let message = error.to_string();
-    let parts = |code, reason| Parts::new(code, reason, message.clone());
+    let map = maps_of(&mut error)[0].as_deref().cloned();
+    let with_map = |parts: Parts| match &map {
+        Some(map) => parts.with("map_id", map),
+        None => parts,
+    };
+    let parts = |code, reason| with_map(Parts::new(code, reason, message.clone()));
+    let bad_field =
+        |field, reason| parts(Code::InvalidArgument, reason).violation(field, reason, &message);
+    let full = |reason, limit| {
+        parts(Code::ResourceExhausted, reason).with("limit", limit).retry(RETRY_FULL)
+    };
     match error {
-        EngineError::MapNotFound { map } => {
-            parts(Code::NotFound, "MAP_NOT_FOUND").with("map_id", map)
+        EngineError::MapNotFound { .. } => parts(Code::NotFound, "MAP_NOT_FOUND"),
+        EngineError::MapExists { .. } => parts(Code::AlreadyExists, "MAP_EXISTS"),
+        EngineError::Poisoned { .. } => parts(Code::FailedPrecondition, "MAP_POISONED"),
+        EngineError::Frozen { .. } => parts(Code::FailedPrecondition, "MAP_FROZEN"),
+        EngineError::Moving { .. } => parts(Code::Unavailable, "MAP_MOVING").retry(RETRY_MOVING),
+        EngineError::MergedAway { map: _, into } => {
+            parts(Code::FailedPrecondition, "MAP_MERGED").with("merged_into", into)
         }
-        EngineError::MapExists { map } => {
-            parts(Code::AlreadyExists, "MAP_EXISTS").with("map_id", map)
-        }
-        EngineError::Poisoned { map } => {
-            parts(Code::FailedPrecondition, "MAP_POISONED").with("map_id", map)
-        }
-        EngineError::Frozen { map } => {
-            parts(Code::FailedPrecondition, "MAP_FROZEN").with("map_id", map)
-        }
-        EngineError::Moving { map } => {
-            parts(Code::Unavailable, "MAP_MOVING").with("map_id", map).retry(RETRY_MOVING)
-        }
-        EngineError::MergedAway { map, into } => parts(Code::FailedPrecondition, "MAP_MERGED")
-            .with("map_id", map)
-            .with("merged_into", into),
-        EngineError::NotMerged { map, source_map: _ } => {
-            parts(Code::NotFound, "NOT_MERGED").with("map_id", map)
-        }
-        EngineError::NotAligned { map, error: _ } => {
-            parts(Code::FailedPrecondition, "NOT_ALIGNED").with("map_id", map)
-        }
-        EngineError::CannotMerge { map, error: MergeError::Content(_) } => {
-            bug(None, &message).with("map_id", map)
-        }
-        EngineError::CannotMerge { map, error } => {
-            let reason = match &error {
+        EngineError::NotMerged { .. } => parts(Code::NotFound, "NOT_MERGED"),
+        EngineError::NotAligned { .. } => parts(Code::FailedPrecondition, "NOT_ALIGNED"),
+        EngineError::CannotMerge { map: _, error } => {
+            let reason = match error {
                 MergeError::Anchors => "ANCHOR_IN_USE",
                 MergeError::ClientInBoth { .. } => "CLIENT_IN_BOTH",
                 MergeError::Scaled { .. } => "SCALE_MEASURED",
                 MergeError::OnlySourceIsMetric => "TARGET_WITHOUT_SCALE",
                 MergeError::UnknownClient { .. } | MergeError::NameTwice { .. } => {
-                    return parts(Code::InvalidArgument, "INCONSISTENT")
-                        .violation("renamed_clients", "INCONSISTENT", &message)
-                        .with("map_id", map);
+                    return bad_field("renamed_clients", "INCONSISTENT");
                 }
-                MergeError::OutOfRange => {
-                    return parts(Code::InvalidArgument, "OUT_OF_RANGE")
-                        .violation("target_from_source", "OUT_OF_RANGE", &message)
-                        .with("map_id", map);
-                }
-                MergeError::Content(_) => "BUG",
+                MergeError::OutOfRange => return bad_field("target_from_source", "OUT_OF_RANGE"),
+                MergeError::Content(_) => return with_map(bug(None, &message)),
             };
-            parts(Code::FailedPrecondition, reason).with("map_id", map)
+            parts(Code::FailedPrecondition, reason)
         }
-        EngineError::NoSuchKeyframe { .. } => parts(Code::InvalidArgument, "UNKNOWN_REFERENCE")
-            .violation("constraints", "UNKNOWN_REFERENCE", &message),
-        EngineError::NoPlaceRecognition { map } => {
-            parts(Code::FailedPrecondition, "NO_PLACE_RECOGNITION").with("map_id", map)
+        EngineError::NoSuchKeyframe { .. } => bad_field("constraints", "UNKNOWN_REFERENCE"),
+        EngineError::NoPlaceRecognition { .. } => {
+            parts(Code::FailedPrecondition, "NO_PLACE_RECOGNITION")
         }
-        EngineError::AnchorInUse { map } => {
-            parts(Code::FailedPrecondition, "ANCHOR_IN_USE").with("map_id", map)
+        EngineError::AnchorInUse { .. } => parts(Code::FailedPrecondition, "ANCHOR_IN_USE"),
+        EngineError::RevisionMismatch { actual, .. } => {
+            parts(Code::Aborted, "REVISION_MISMATCH").with("revision", actual)
         }
-        EngineError::RevisionMismatch { map, expected: _, actual } => {
-            parts(Code::Aborted, "REVISION_MISMATCH").with("map_id", map).with("revision", actual)
+        EngineError::EpochFenced { map: _, client, epoch, newest: _ } => {
+            parts(Code::Aborted, "EPOCH_FENCED").with("client_id", client).with("epoch", epoch)
         }
-        EngineError::EpochFenced { map, client, epoch, newest: _ } => {
-            parts(Code::Aborted, "EPOCH_FENCED")
-                .with("map_id", map)
-                .with("client_id", client)
-                .with("epoch", epoch)
-        }
-        EngineError::TooLarge { field, maximum: _ } => {
-            parts(Code::InvalidArgument, "OUT_OF_RANGE").violation(field, "OUT_OF_RANGE", &message)
-        }
-        EngineError::OptimizationRunning { map } => {
-            parts(Code::Aborted, "OPTIMIZATION_RUNNING").with("map_id", map)
-        }
-        EngineError::MapLimit { map, limit, maximum: _ } => {
-            parts(Code::ResourceExhausted, "MAP_LIMIT")
-                .with("map_id", map)
-                .with("limit", limit)
-                .retry(RETRY_FULL)
-        }
+        EngineError::TooLarge { field, maximum: _ } => bad_field(field, "OUT_OF_RANGE"),
+        EngineError::OptimizationRunning { .. } => parts(Code::Aborted, "OPTIMIZATION_RUNNING"),
+        EngineError::MapLimit { map: _, limit, maximum: _ } => full("MAP_LIMIT", limit),
         EngineError::TenantLimit { limit, maximum } => {
-            parts(Code::ResourceExhausted, "TENANT_LIMIT")
-                .with("limit", limit)
-                .with("maximum", maximum)
-                .retry(RETRY_FULL)
+            full("TENANT_LIMIT", limit).with("maximum", maximum)
         }
         EngineError::ServerLimit { limit, maximum } => {
-            parts(Code::ResourceExhausted, "SERVER_LIMIT")
-                .with("limit", limit)
-                .with("maximum", maximum)
-                .retry(RETRY_FULL)
+            full("SERVER_LIMIT", limit).with("maximum", maximum)
         }
-        EngineError::RevisionAhead { map, revision: _, newest: _ } => {
-            parts(Code::InvalidArgument, "OUT_OF_RANGE")
-                .violation("from_revision", "OUT_OF_RANGE", &message)
-                .with("map_id", map)
-        }
-        EngineError::Solve(SolveError::Threads { .. }) => bug(None, &message),
+        EngineError::RevisionAhead { .. } => bad_field("from_revision", "OUT_OF_RANGE"),
         EngineError::Solve(SolveError::Empty(_)) => {
             parts(Code::FailedPrecondition, "NOTHING_TO_SOLVE")
         }
-        EngineError::Solve(SolveError::TooExpensive(error)) => too_expensive(error),
-        EngineError::Solve(SolveError::Interrupted) => {
-            parts(Code::DeadlineExceeded, "DEADLINE_EXCEEDED")
-        }
-        EngineError::Solve(error) => {
-            parts(Code::FailedPrecondition, wire_name(solve_reason(&error)))
-        }
-        EngineError::NothingToSolve { map } => {
-            parts(Code::FailedPrecondition, "NOTHING_TO_SOLVE").with("map_id", map)
-        }
-        EngineError::Cancelled { map } => parts(Code::Cancelled, "CANCELLED").with("map_id", map),
+        EngineError::Solve(error) => not_solved(&error, &message)
+            .unwrap_or_else(|| parts(Code::FailedPrecondition, wire_name(solve_reason(&error)))),
+        EngineError::NothingToSolve { .. } => parts(Code::FailedPrecondition, "NOTHING_TO_SOLVE"),
+        EngineError::Cancelled { .. } => parts(Code::Cancelled, "CANCELLED"),
         EngineError::ShuttingDown => draining(),
         EngineError::Store(error) => store(error),
-        EngineError::Journal { map, error: _ } => bug(None, &message).with("map_id", map),
-        EngineError::Threads { count: _ } => bug(None, &message),
+        EngineError::Journal { .. } | EngineError::Threads { .. } => with_map(bug(None, &message)),
         EngineError::Bug { id } => bug(Some(id), &message),
     }
 }
 
 fn store(error: StoreError) -> Parts {
     let message = error.to_string();
+    let parts =
+        |code, reason, map: String| Parts::new(code, reason, message.clone()).with("map_id", map);
     match error {
-        StoreError::UnknownMap { map } => {
-            Parts::new(Code::NotFound, "MAP_NOT_FOUND", message).with("map_id", map)
-        }
-        StoreError::MapExists { map } => {
-            Parts::new(Code::AlreadyExists, "MAP_EXISTS", message).with("map_id", map)
-        }
+        StoreError::UnknownMap { map } => parts(Code::NotFound, "MAP_NOT_FOUND", map),
+        StoreError::MapExists { map } => parts(Code::AlreadyExists, "MAP_EXISTS", map),
         StoreError::Unavailable { map, cause: _ } => {
-            Parts::new(Code::ResourceExhausted, "STORE_UNAVAILABLE", message)
-                .with("map_id", map)
-                .retry(RETRY_FULL)
+            parts(Code::ResourceExhausted, "STORE_UNAVAILABLE", map).retry(RETRY_FULL)
         }
-        StoreError::Failed { map, cause: _ } => {
-            Parts::new(Code::Internal, "STORE_FAILED", message).with("map_id", map)
-        }
+        StoreError::Failed { map, cause: _ } => parts(Code::Internal, "STORE_FAILED", map),
         // The map can be read; it accepts changes again after the disk was repaired.
         StoreError::Stopped { map, .. }
         | StoreError::Later { map, .. }
-        | StoreError::Ambiguous { map, .. } => {
-            Parts::new(Code::FailedPrecondition, "MAP_POISONED", message).with("map_id", map)
-        }
+        | StoreError::Ambiguous { map, .. } => parts(Code::FailedPrecondition, "MAP_POISONED", map),
         StoreError::Damaged { map, mut damage } => {
             // Callers learn nothing about the server's folders.
             damage.file = damage.file.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
@@ -353,9 +299,7 @@ fn store(error: StoreError) -> Parts {
         }
         // Clients follow to the owner.
         StoreError::OwnedElsewhere { map, owner } => {
-            let parts = Parts::new(Code::Unavailable, "MAP_OWNED_ELSEWHERE", message)
-                .with("map_id", map)
-                .retry(RETRY_ELSEWHERE);
+            let parts = parts(Code::Unavailable, "MAP_OWNED_ELSEWHERE", map).retry(RETRY_ELSEWHERE);
             match owner {
                 Some(owner) => parts.with("owner", owner),
                 None => parts,
@@ -374,18 +318,25 @@ fn store(error: StoreError) -> Parts {
 }
 
 fn unsolvable(field: &str, error: &SolveError) -> Parts {
-    if let SolveError::Threads { .. } = error {
-        return bug(None, &error.to_string());
-    }
-    if let SolveError::TooExpensive(error) = error {
-        return too_expensive(*error);
-    }
     let message = error.to_string();
-    if let SolveError::Interrupted = error {
-        return Parts::new(Code::DeadlineExceeded, "DEADLINE_EXCEEDED", message);
+    not_solved(error, &message).unwrap_or_else(|| {
+        let reason = wire_name(solve_reason(error));
+        Parts::new(Code::InvalidArgument, reason, message.clone())
+            .violation(field, reason, &message)
+    })
+}
+
+/// Why a solve did not run or did not end; `None` where its problem is to blame.
+fn not_solved(error: &SolveError, message: &str) -> Option<Parts> {
+    if let SolveError::Threads { .. } = error {
+        Some(bug(None, message))
+    } else if let SolveError::TooExpensive(error) = error {
+        Some(too_expensive(*error))
+    } else if let SolveError::Interrupted = error {
+        Some(Parts::new(Code::DeadlineExceeded, "DEADLINE_EXCEEDED", message))
+    } else {
+        None
     }
-    let reason = wire_name(solve_reason(error));
-    Parts::new(Code::InvalidArgument, reason, message.clone()).violation(field, reason, &message)
 }
 
 /// The same request never fits: waiting does not help, so there is no `RetryInfo`.

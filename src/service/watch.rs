@@ -7,7 +7,6 @@
 mod sent;
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 use prost::Message;
 
@@ -17,7 +16,7 @@ use super::convert::entities::{
 };
 use super::convert::ids::{to_constraint_ref, to_keyframe_ref, to_landmark_ref};
 use super::convert::map::to_state;
-use super::engine::{MapHandle, MapState, Touched, Watch};
+use super::engine::{MapChange, MapHandle};
 use super::error::ServiceError;
 use super::listing::ENTRY_OVERHEAD;
 use crate::map::{ClientIndex, EntityId, Map};
@@ -60,62 +59,22 @@ pub(super) async fn watch(
         watch.omit_landmarks();
     }
     let mut sent = Sent::new(wanted.resolution);
-    if let Some(snapshot) = watch.reset.take() {
-        sent.reset();
-        let header = Header {
-            reset: true,
-            base_revision: 0,
-            revision: snapshot.revision(),
-            state: watch.state,
-            uid: map.uid(),
-        };
-        send(&mut watch, &header, &snapshot, None, wanted, &mut sent, sink).await?;
-    }
     loop {
         let change = tokio::select! {
             biased;
             change = watch.next() => change?,
             () = context.drained() => return Err(ServiceError::Draining),
         };
-        let header = Header {
-            reset: change.reset,
-            base_revision: if change.reset { 0 } else { change.base_revision },
-            revision: change.revision,
-            state: change.state,
-            uid: map.uid(),
-        };
         if change.reset {
             sent.reset();
         }
-        let touched = Some(&change.touched).filter(|_| !change.reset);
-        send(&mut watch, &header, &change.snapshot, touched, wanted, &mut sent, sink).await?;
+        // Meanwhile the changes of the map are gathered, however slow the reader is.
+        tokio::select! {
+            ended = send_delta(&change, map.uid(), wanted, &mut sent, sink) => ended?,
+            // It never returns.
+            () = watch.gather() => {}
+        }
     }
-}
-
-/// Sends a delta. Meanwhile gathers the changes of the map, however slow the reader is.
-async fn send(
-    watch: &mut Watch,
-    header: &Header<'_>,
-    map: &Arc<Map>,
-    touched: Option<&Touched>,
-    wanted: &Wanted,
-    sent: &mut Sent,
-    sink: &Sink<v1::WatchMapResponse>,
-) -> Result<(), ServiceError> {
-    tokio::select! {
-        ended = send_delta(header, map, touched, wanted, sent, sink) => ended,
-        // `gather` never returns.
-        () = watch.gather() => Ok(()),
-    }
-}
-
-/// The fields that all parts of a delta repeat.
-struct Header<'a> {
-    reset: bool,
-    base_revision: i64,
-    revision: i64,
-    state: MapState,
-    uid: &'a str,
 }
 
 /// The ids of one kind to send: those of `touched`, or all ids of the map, which are not collected
@@ -142,7 +101,8 @@ struct Kind<M, G> {
 
 /// The part that is being filled.
 struct Parts<'a> {
-    header: &'a Header<'a>,
+    change: &'a MapChange,
+    map_uid: &'a str,
     sink: &'a Sink<v1::WatchMapResponse>,
     part: v1::MapDelta,
     bytes: usize,
@@ -152,10 +112,6 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    fn new(header: &'a Header<'a>, sink: &'a Sink<v1::WatchMapResponse>) -> Self {
-        Self { header, sink, part: v1::MapDelta::default(), bytes: 0, index: 0, looked_at: 0 }
-    }
-
     /// Makes room for an entry, sending the part when it is full, and returns where to put it.
     async fn room(&mut self, entry: &impl Message) -> Result<&mut v1::MapDelta, ServiceError> {
         let size = entry.encoded_len() + ENTRY_OVERHEAD;
@@ -197,14 +153,15 @@ impl<'a> Parts<'a> {
     }
 
     async fn send(&mut self, last_part: bool) -> Result<(), ServiceError> {
+        let MapChange { reset, base_revision, revision, state, .. } = *self.change;
         let delta = v1::MapDelta {
-            base_revision: self.header.base_revision,
-            revision: self.header.revision,
-            reset: self.header.reset,
+            base_revision: if reset { 0 } else { base_revision },
+            revision,
+            reset,
             part_index: self.index,
             last_part,
-            state: to_state(self.header.state).into(),
-            map_uid: self.header.uid.to_owned(),
+            state: to_state(state).into(),
+            map_uid: self.map_uid.to_owned(),
             ..std::mem::take(&mut self.part)
         };
         self.index += 1;
@@ -215,14 +172,16 @@ impl<'a> Parts<'a> {
 
 /// Sends what the reader needs of a step, and remembers that it has it.
 async fn send_delta(
-    header: &Header<'_>,
-    map: &Arc<Map>,
-    touched: Option<&Touched>,
+    change: &MapChange,
+    map_uid: &str,
     wanted: &Wanted,
     sent: &mut Sent,
     sink: &Sink<v1::WatchMapResponse>,
 ) -> Result<(), ServiceError> {
-    let mut parts = Parts::new(header, sink);
+    let map = &change.snapshot;
+    let touched = (!change.reset).then_some(&change.touched);
+    let part = v1::MapDelta::default();
+    let mut parts = Parts { change, map_uid, sink, part, bytes: 0, index: 0, looked_at: 0 };
     for id in ids(touched.map(|t| &t.cameras), || map.cameras().keys().copied()) {
         let camera = map.cameras().get(&id).map(|camera| to_camera(map, id, camera));
         if let Some(camera) = camera.filter(|camera| sent.needs_camera(id, camera)) {

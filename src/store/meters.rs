@@ -33,10 +33,10 @@ impl Default for StoreMeters {
         Self {
             journal_bytes: Counter::default(),
             group_events: Histogram::new(EVENTS),
-            sync_ns: Histogram::of_durations(),
+            sync_ns: Histogram::default(),
             journal_failures: Counter::default(),
             journal_retries: Counter::default(),
-            snapshot_ns: Histogram::of_durations(),
+            snapshot_ns: Histogram::default(),
             snapshot_bytes: Counter::default(),
             snapshot_failures: Counter::default(),
         }

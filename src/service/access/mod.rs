@@ -41,7 +41,7 @@ pub(super) use guard::Guarded;
 pub use jwt::JwtOptions;
 use rights::Proof;
 pub(super) use roles::Role;
-pub(super) use tenants::{Caller, hide_tenant, shown};
+pub(super) use tenants::{Caller, hide_tenant, maps_of, shown};
 pub use tokens::AccessError;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(super) use tokens::Tokens as ParsedTokens;

@@ -111,7 +111,7 @@ pub(in crate::service) fn hide_tenant(mut error: EngineError) -> EngineError {
 }
 
 /// The maps that an error names.
-fn maps_of(error: &mut EngineError) -> [Option<&mut String>; 2] {
+pub(in crate::service) fn maps_of(error: &mut EngineError) -> [Option<&mut String>; 2] {
     let map = match error {
         EngineError::MergedAway { map, into: other }
         | EngineError::NotMerged { map, source_map: other } => {

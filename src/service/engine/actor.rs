@@ -2,9 +2,8 @@
 //!
 //! The parts are [`Ingest`], [`Durability`], [`Solving`], [`Recognition`], [`Background`] and
 //! [`Watching`]; each owns its state, and none knows another. Each step handles one of these, in this
-//! order of priority: a control message, the end of the running solve, the end of a search for places,
-//! the end of a background task, progress of the journal, an item. After a control message, the others
-//! have priority for one step, so that constant requests of readers cannot block writers. In lock-step
+//! order of priority: a request, the end of the running solve, the end of a search for places, the end
+//! of a background task, progress of the journal, an item. After a request, the others have priority for one step, so that constant requests of readers cannot block writers. In lock-step
 //! the task accepts no item while a solve, a search or a background task runs or waits.
 //!
 //! The journal accepts an event before the event changes the map, and makes it durable while the
@@ -16,21 +15,19 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use futures_util::FutureExt;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 use tracing::Instrument;
 
 use super::background::Background;
-use super::control::{Control, Reply, tell};
 use super::durability::{Durability, unix_time_ns};
 use super::error::report_bug;
-use super::handle::Shared;
+use super::handle::{Request, Shared};
 use super::ingest::Ingest;
-use super::pool::panic_message;
+use super::pool::{SolvePanicked, panic_message};
 use super::recognition::Recognition;
 use super::solve::Job;
 use super::solving::Solving;
 use super::touched::{Touched, size_of_change};
-use super::watch::Past;
 use super::watching::Watching;
 use super::{
     EngineError, Fault, IngestStream, MapHandle, MapInfo, MapState, Opened, Reservation, Resource,
@@ -66,35 +63,29 @@ pub(super) struct Actor {
     pub(super) recognition: Recognition,
     pub(super) background: Background,
     pub(super) watching: Watching,
-    pub(super) control: mpsc::Receiver<Control>,
+    pub(super) requests: mpsc::Receiver<Request>,
     /// Whether the items whose solves were outstanding when the map was opened or imported are not
     /// triggered yet.
     pub(super) has_pending_solves: bool,
     /// Entities that were handled since the task let others run.
     pub(super) handled: usize,
-    /// Whether the last step answered a control message.
+    /// Whether the last step answered a request.
     pub(super) answered: bool,
-    /// Replies that are dropped when the engine ends. Not empty once it was asked to stop.
-    pub(super) closing: Vec<Reply<()>>,
-}
-
-/// Whether the task continues.
-enum Flow {
-    Continue,
-    Stop,
+    /// Dropped when the engine ends, which tells whoever waits for that. Not empty once it was asked to
+    /// stop.
+    pub(super) closing: Vec<oneshot::Sender<()>>,
 }
 
 impl Actor {
     /// Runs until the map is deleted or the server shuts down.
     pub(super) async fn run(mut self) {
         loop {
-            match AssertUnwindSafe(self.step()).catch_unwind().await {
-                Ok(Flow::Continue) => {}
-                Ok(Flow::Stop) => break,
-                Err(panic) => {
-                    self.shared.meters.engine_panics.increment();
-                    self.restore(&panic_message(panic.as_ref())).await;
-                }
+            if let Err(panic) = AssertUnwindSafe(self.step()).catch_unwind().await {
+                self.shared.meters.engine_panics.increment();
+                self.restore(&panic_message(panic.as_ref())).await;
+            }
+            if self.shared.ended.get().is_some() {
+                break;
             }
             // The items of a frozen map wait for it to be opened.
             let is_solved = self.solving.is_idle() || self.is_held();
@@ -109,13 +100,13 @@ impl Actor {
         }
         let error = self.shared.ended.get_or_init(|| EngineError::ShuttingDown).clone();
         self.solving.cancel(&error);
-        self.recognition.cancel();
-        self.background.cancel();
+        self.recognition.work.cancel();
+        self.background.work.cancel();
         self.ingest.end_all(&error);
         self.pool.discard(self.map);
     }
 
-    async fn step(&mut self) -> Flow {
+    async fn step(&mut self) {
         if self.has_pending_solves && !self.is_held() {
             self.has_pending_solves = false;
             for (client, pending) in self.map.pending_solves() {
@@ -130,24 +121,19 @@ impl Actor {
         let takes_items = is_idle || !self.ingest.is_lock_step();
         let takes_items = takes_items || self.is_held();
         let answered = std::mem::take(&mut self.answered);
-        let flow = tokio::select! {
+        tokio::select! {
             biased;
-            control = self.control.recv(), if !answered => match control {
-                Some(control) => self.answer(control).await,
-                None => Flow::Stop,
+            request = self.requests.recv(), if !answered => match request {
+                Some(request) => {
+                    self.answered = true;
+                    request(self).await;
+                }
+                // No handle is left.
+                None => self.end_with(EngineError::ShuttingDown),
             },
-            outcome = self.solving.ended() => {
-                self.solved(outcome).await;
-                Flow::Continue
-            }
-            found = self.recognition.ended() => {
-                self.recognition_ended(found).await;
-                Flow::Continue
-            }
-            done = self.background.ended() => {
-                self.background_ended(done).await;
-                Flow::Continue
-            }
+            outcome = self.solving.work.ended() => self.solved(outcome).await,
+            found = self.recognition.work.ended() => self.recognition_ended(found).await,
+            done = self.background.work.ended() => self.background_ended(done).await,
             () = self.durability.progress() => self.flushed(),
             item = self.ingest.next(), if takes_items => {
                 if let Some(item) = item {
@@ -155,11 +141,10 @@ impl Actor {
                     let span = tracing::debug_span!(parent: parent, "item", map = %self.shared.name);
                     self.take(item).instrument(span).await;
                 }
-                Flow::Continue
             }
-            // Nothing else is ready: the next step may answer a control message again.
-            () = std::future::ready(()), if answered => Flow::Continue,
-        };
+            // Nothing else is ready: the next step may answer a request again.
+            () = std::future::ready(()), if answered => {}
+        }
         self.start_solves().await;
         self.start_recognition();
         self.start_background().await;
@@ -168,54 +153,28 @@ impl Actor {
             self.is_background_idle() && !self.solving.schedule.is_waiting(ClientIndex::SERVER);
         let waits = self.ingest.is_lock_step() && !is_done;
         self.ingest.close_finished(|client| waits || self.solving.schedule.is_waiting(client));
-        flow
     }
 
-    async fn answer(&mut self, control: Control) -> Flow {
-        self.answered = true;
-        match control {
-            Control::Info { reply } => tell(reply, self.info()),
-            Control::Open { client, epoch, lock_step, handle, reply } => {
-                let opened = match self.named_here(client, &handle) {
-                    Ok(client) => self.open_stream(client, epoch, lock_step, handle).await,
-                    Err(moving) => Err(moving),
-                };
-                tell(reply, opened);
-            }
-            Control::Watch { from_revision, handle, reply } => {
-                tell(reply, self.watch(from_revision, handle))
-            }
-            Control::Optimize(job) => self.optimize(*job),
-            Control::Update { update, reply } => tell(reply, self.update(update).await),
-            Control::RetireRedundant { keyframes, share, reply } => {
-                tell(reply, self.retire_redundant(keyframes, share).await)
-            }
-            Control::DropJournal { reply } => self.drop_journal(reply),
-            Control::Hold { reply } => tell(reply, self.hold()),
-            Control::Join { joining, reply } => tell(reply, self.join(*joining).await),
-            Control::TakeOut { name, reply } => tell(reply, self.take_out(name).await),
-            Control::Delete { reply } => {
-                let map = &self.shared.name;
-                let deleted = self.shared.store.delete_map(map).await;
-                let stop = deleted.is_ok();
-                if stop {
-                    let map = map.clone();
-                    self.shared.ended.get_or_init(|| match self.is_moving() {
-                        true => EngineError::Moving { map },
-                        false => EngineError::MapNotFound { map },
-                    });
-                }
-                tell(reply, deleted.map_err(EngineError::Store));
-                if stop {
-                    return Flow::Stop;
-                }
-            }
-            Control::Shutdown { reply } => {
-                self.ingest.close();
-                self.closing.push(reply);
-            }
-        }
-        Flow::Continue
+    /// Deletes the map in the store; then the engine ends.
+    pub(super) async fn delete(&mut self) -> Result<(), EngineError> {
+        let map = self.shared.name.clone();
+        self.shared.store.delete_map(&map).await?;
+        self.end_with(match self.is_moving() {
+            true => EngineError::Moving { map },
+            false => EngineError::MapNotFound { map },
+        });
+        Ok(())
+    }
+
+    /// Takes no more items, and ends once all that is queued is done. `running` is dropped then.
+    pub(super) fn close(&mut self, running: oneshot::Sender<()>) {
+        self.ingest.close();
+        self.closing.push(running);
+    }
+
+    /// Lets the engine end after this step.
+    fn end_with(&self, reason: EngineError) {
+        self.shared.ended.get_or_init(|| reason);
     }
 
     /// The map as its readers see it.
@@ -267,13 +226,14 @@ impl Actor {
         Ok(())
     }
 
-    async fn open_stream(
+    pub(super) async fn open_stream(
         &mut self,
-        name: String,
+        client: String,
         epoch: i64,
         lock_step: bool,
         handle: MapHandle,
     ) -> Result<IngestStream, EngineError> {
+        let name = self.named_here(client, &handle)?;
         self.check_open()?;
         let (opening, epoch, place) = self.ingest.opening(&self.map, &name, epoch)?;
         while !self.make_room(&opening).await? {}
@@ -302,11 +262,11 @@ impl Actor {
     }
 
     /// Takes constant time: the watcher reads the journal in its own task.
-    fn watch(
+    pub(super) fn watch(
         &self,
         from_revision: Option<i64>,
         handle: MapHandle,
-    ) -> Result<(Watch, Past), EngineError> {
+    ) -> Result<Watch, EngineError> {
         // Where clients have other names here, their old ones may be those of others.
         if let Some(merged) = handle.merged_in(&self.map)?
             && !merged.renamed(&self.map).is_empty()
@@ -323,15 +283,11 @@ impl Actor {
             return Err(EngineError::RevisionAhead { map, revision, newest });
         }
         let (log, signal) = self.watching.open(newest);
-        let mut watch = Watch::new(handle, &self.map, self.state(), log, signal, place);
-        if from_revision.is_none() {
-            watch.reset = Some(Arc::clone(&self.map));
-        }
-        Ok((watch, Past::of(&self.map)))
+        Ok(Watch::new(handle, &self.map, self.state(), log, signal, place))
     }
 
     /// Accepts or refuses a request to optimize the map.
-    fn optimize(&mut self, job: Job) {
+    pub(super) fn optimize(&mut self, job: Job) {
         match self.check_open() {
             Ok(()) => self.solving.request(job, self.ingest.is_lock_step()),
             Err(error) => job.answer(Err(error)),
@@ -340,22 +296,18 @@ impl Actor {
 
     /// Acknowledges what has become durable. If the journal has failed, the map accepts no further
     /// changes; if another server has the map, the engine ends.
-    fn flushed(&mut self) -> Flow {
+    fn flushed(&mut self) {
         self.recognition.changed();
-        let Some(error) = self.durability.acknowledge(self.map.revision()) else {
-            return Flow::Continue;
-        };
-        let is_elsewhere = matches!(error, StoreError::OwnedElsewhere { .. });
+        let Some(error) = self.durability.acknowledge(self.map.revision()) else { return };
         let error = EngineError::Store(error);
-        if is_elsewhere {
+        if let EngineError::Store(StoreError::OwnedElsewhere { .. }) = error {
             tracing::warn!(%error, "this server serves the map no longer");
-            self.shared.ended.get_or_init(|| error.clone());
+            self.end_with(error.clone());
         } else {
             tracing::error!(%error, "the map takes no changes any more");
         }
         self.shared.set_damaged(&error);
         self.end(&error);
-        if is_elsewhere { Flow::Stop } else { Flow::Continue }
     }
 
     /// Computes something from the map on another thread. The engine awaits the result; its thread
@@ -444,6 +396,15 @@ impl Actor {
         self.watching.wake();
     }
 
+    /// What work on the pool came to; where it panicked, the map is poisoned.
+    pub(super) fn unless_panicked<T>(&mut self, ended: Result<T, SolvePanicked>) -> Option<T> {
+        let poisoned = |panicked: SolvePanicked| {
+            self.shared.meters.solve_panics.increment();
+            self.poison(&panicked.message)
+        };
+        ended.map_err(poisoned).ok()
+    }
+
     /// Poisons the map: ends streams and solves, and returns the bug that was reported.
     pub(super) fn poison(&mut self, details: &str) -> EngineError {
         let bug = report_bug(details);
@@ -457,16 +418,16 @@ impl Actor {
     /// changes again.
     pub(super) fn pause(&mut self, error: &EngineError) {
         self.solving.pause(error);
-        self.recognition.cancel();
-        self.background.cancel();
+        self.recognition.work.cancel();
+        self.background.work.cancel();
         self.ingest.end_all(error);
     }
 
     /// Ends solves and streams, and wakes the watchers.
     fn end(&mut self, error: &EngineError) {
         self.solving.cancel(error);
-        self.recognition.cancel();
-        self.background.cancel();
+        self.recognition.work.cancel();
+        self.background.work.cancel();
         self.ingest.end_all(error);
         self.watching.wake();
     }

@@ -14,12 +14,11 @@ use std::sync::atomic::AtomicBool;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer;
 use rayon::prelude::*;
-use tokio::sync::mpsc;
 
 use super::Estimate;
 use super::actor::Actor;
 use super::handle::Shared;
-use super::pool::{SolvePanicked, SolverPool, Started};
+use super::pool::{Slot, SolvePanicked, SolverPool};
 use super::solve::{OptimizeOptions, Outcome, Solution, solve_map, solve_window};
 use crate::map::{
     Change, Comparison, EntityId, Map, SolveKind, applied, choose_window, find_duplicates,
@@ -42,8 +41,7 @@ pub(super) enum Done {
 /// The background tasks of a map, one at a time.
 pub(super) struct Background {
     shared: Arc<Shared>,
-    pool: Arc<SolverPool>,
-    running: Option<Started<Done>>,
+    pub(super) work: Slot<Done>,
     /// Whether something may be due. To know takes a pass over the constraints.
     may_be_due: bool,
     /// Whether the journal has refused a change and has taken none since.
@@ -56,20 +54,14 @@ pub(super) struct Background {
 
 impl Background {
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>) -> Self {
-        let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
-        let (running, seams) = (None, VecDeque::new());
+        let (work, seams) = (Slot::new(pool, &shared.account), VecDeque::new());
         let (may_be_due, waits_for_journal, gave_up) = (true, false, false);
-        Self { shared, pool, running, may_be_due, waits_for_journal, gave_up, seams }
+        Self { shared: Arc::clone(shared), work, may_be_due, waits_for_journal, gave_up, seams }
     }
 
     /// Whether nothing runs or is due.
     pub(super) fn is_idle(&self) -> bool {
-        self.running.is_none() && !self.may_be_due
-    }
-
-    /// Whether a task may have to start.
-    pub(super) fn may_start(&self) -> bool {
-        self.running.is_none() && self.may_be_due
+        self.work.is_free() && !self.may_be_due
     }
 
     /// Notes what a change that is in the journal makes due or stale.
@@ -78,7 +70,7 @@ impl Background {
             && solve.kind != SolveKind::LocalBundle
         {
             (self.may_be_due, self.gave_up) = (true, false);
-            self.cancel();
+            self.work.cancel();
         }
         let makes_due = matches!(
             change,
@@ -98,19 +90,8 @@ impl Background {
         (self.may_be_due, self.waits_for_journal) = (false, true);
     }
 
-    /// Cancels what runs; its result is dropped.
-    pub(super) fn cancel(&mut self) {
-        if let Some(running) = &mut self.running {
-            running.drop_result();
-            self.may_be_due = true;
-        }
-    }
-
-    /// Starts the next task, if one is due and none runs.
-    pub(super) fn start(&mut self, map: &Arc<Map>, is_lock_step: bool) {
-        if self.running.is_some() {
-            return;
-        }
+    /// Starts the next task, if one is due.
+    fn start(&mut self, map: &Arc<Map>, is_lock_step: bool) {
         self.may_be_due = false;
         if !map.policy().closure_adjustment {
             return;
@@ -135,21 +116,17 @@ impl Background {
             let options = OptimizeOptions { optimizer: options, ..OptimizeOptions::default() };
             let map = Arc::clone(map);
             self.launch(whole, SolveKind::Global, move |cancel| {
-                // Nobody reads the iterations.
-                let (rows, _) = mpsc::unbounded_channel();
-                solve_map(map, &options, &rows, cancel)
+                solve_map(map, &options, &mut |_row| {}, cancel)
             });
         }
     }
 
     fn start_comparison(&mut self, map: Arc<Map>, closures: Vec<EntityId>) {
-        let cancel = Arc::<AtomicBool>::default();
-        let interrupt = Interrupt::at(None).or_when(Arc::clone(&cancel));
-        let answer = self.pool.start(&self.shared.account, Estimate::LONG, move || {
+        self.work.start((), Estimate::LONG, Arc::default(), move |cancel| {
+            let interrupt = Interrupt::NEVER.or_when(Arc::clone(cancel));
             let find = |&closure: &EntityId| find_duplicates(&map, closure, &interrupt);
             Done::Compared(closures.par_iter().filter_map(find).collect())
         });
-        self.running = Some(Started::new(cancel, answer));
     }
 
     /// Adjusts the window around both keyframes of a closure, which takes less than the whole map.
@@ -171,51 +148,20 @@ impl Background {
     ) {
         let span = tracing::debug_span!("adjust", map = %self.shared.name, ?kind);
         let queued = self.shared.meters.solve(kind);
-        let cancel = Arc::<AtomicBool>::default();
-        let flag = Arc::clone(&cancel);
-        let answer = self.pool.start(&self.shared.account, estimate, move || {
+        self.work.start((), estimate, Arc::default(), move |cancel| {
             let _entered = span.entered();
-            Done::Adjusted(kind, Box::new(queued.started().ended(work(&flag))))
+            Done::Adjusted(kind, Box::new(queued.solve(|| work(cancel))))
         });
-        self.running = Some(Started::new(cancel, answer));
-    }
-
-    /// Resolves when the running task has ended; never if none runs.
-    pub(super) async fn ended(&mut self) -> Result<Done, SolvePanicked> {
-        Started::ended(self.running.as_mut()).await
-    }
-
-    /// What the task that has ended made, if it is still wanted.
-    ///
-    /// # Errors
-    /// [`SolvePanicked`].
-    pub(super) fn take_ended(
-        &mut self,
-        done: Result<Done, SolvePanicked>,
-    ) -> Result<Option<Done>, SolvePanicked> {
-        let is_stale = self.running.take().is_none_or(|running| running.is_stale());
-        self.may_be_due = true;
-        let done = done.inspect_err(|_| self.shared.meters.solve_panics.increment())?;
-        if is_stale {
-            self.pool.discard(done);
-            return Ok(None);
-        }
-        Ok(Some(done))
     }
 
     /// Keeps the places of closures that joined something, for their windows.
-    pub(super) fn joined(&mut self, map: &Map, comparisons: &[Comparison]) {
+    fn joined(&mut self, map: &Map, comparisons: &[Comparison]) {
         let joined = comparisons.iter().filter(|comparison| !comparison.pairs.is_empty());
         let ends = joined.filter_map(|comparison| {
             let constraint = map.constraints().get(&comparison.closure)?;
             Some([constraint.keyframe_i, constraint.keyframe_j])
         });
         self.seams.extend(ends);
-    }
-
-    /// The whole map cannot be adjusted as it is.
-    pub(super) fn give_up(&mut self) {
-        self.gave_up = true;
     }
 }
 
@@ -228,11 +174,8 @@ impl Actor {
 
     /// Starts the next background task, if one is due.
     pub(super) async fn start_background(&mut self) {
-        let is_held_back = self.map.is_frozen()
-            || !self.closing.is_empty()
-            || self.check_changeable().is_err()
-            || !self.background.may_start();
-        if is_held_back {
+        let may_start = self.background.work.is_free() && self.background.may_be_due;
+        if !may_start || self.check_open().is_err() {
             return;
         }
         if !self.map.duplicates().is_empty()
@@ -252,14 +195,14 @@ impl Actor {
     }
 
     /// Handles the end of the background task.
-    pub(super) async fn background_ended(&mut self, done: Result<Done, SolvePanicked>) {
-        let change = match self.background.take_ended(done) {
-            Ok(None) => return,
-            Err(panicked) => {
-                self.poison(&panicked.message);
-                return;
-            }
-            Ok(Some(Done::Compared(mut comparisons))) => {
+    pub(super) async fn background_ended(
+        &mut self,
+        ended: Result<((), Option<Done>), SolvePanicked>,
+    ) {
+        self.background.may_be_due = true;
+        let Some(((), Some(done))) = self.unless_panicked(ended) else { return };
+        let change = match done {
+            Done::Compared(mut comparisons) => {
                 comparisons.retain_mut(|comparison| self.map.keeps(comparison));
                 if comparisons.is_empty() {
                     return;
@@ -267,12 +210,10 @@ impl Actor {
                 self.background.joined(&self.map, &comparisons);
                 Change::DuplicatesFound { comparisons }
             }
-            Ok(Some(Done::Adjusted(kind, outcome))) => {
-                match self.adjustment(kind, *outcome).await {
-                    Some(change) => change,
-                    None => return,
-                }
-            }
+            Done::Adjusted(kind, outcome) => match self.adjustment(kind, *outcome).await {
+                Some(change) => change,
+                None => return,
+            },
         };
         self.commit_in_background(change).await;
     }
@@ -298,9 +239,7 @@ impl Actor {
         });
         let is_finite = |solution: &Solution| solution.certificate.solve.final_cost.is_finite();
         let Some(Solution { moved, certificate, .. }) = solution.filter(is_finite) else {
-            if kind == SolveKind::Global {
-                self.background.give_up();
-            }
+            self.background.gave_up |= kind == SolveKind::Global;
             return None;
         };
         // It moves what the window holds.

@@ -4,23 +4,17 @@
 //! was canceled before, it changes nothing. So a caller knows at once which of both holds, also while
 //! the work waits for a thread.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use covis_solvers::interrupt::Interrupt;
 use tokio::sync::Notify;
 
-/// Nothing is decided.
-const OPEN: u8 = 0;
-/// The work must change nothing.
-const CANCELED: u8 = 1;
-/// The work makes its changes.
-const COMMITTED: u8 = 2;
-
 /// The decision about one piece of work.
 #[derive(Debug, Default)]
 pub struct Cancellation {
-    state: AtomicU8,
+    /// Whether the work makes its changes, once that is decided.
+    commits: OnceLock<bool>,
     /// Ends solves early.
     flag: Arc<AtomicBool>,
     canceled: Notify,
@@ -29,20 +23,17 @@ pub struct Cancellation {
 impl Cancellation {
     /// Cancels the work. Returns whether it changes nothing; otherwise its changes are under way.
     pub fn cancel(&self) -> bool {
-        let decided =
-            self.state.compare_exchange(OPEN, CANCELED, Ordering::AcqRel, Ordering::Acquire);
-        if decided.is_ok() {
+        let is_canceled = !self.commits.get_or_init(|| false);
+        if is_canceled {
             self.flag.store(true, Ordering::Release);
             self.canceled.notify_waiters();
         }
-        decided.is_ok() || decided == Err(CANCELED)
+        is_canceled
     }
 
     /// Asks before a change; returns whether the work may make its changes.
     pub fn commit(&self) -> bool {
-        let decided =
-            self.state.compare_exchange(OPEN, COMMITTED, Ordering::AcqRel, Ordering::Acquire);
-        decided.is_ok() || decided == Err(COMMITTED)
+        *self.commits.get_or_init(|| true)
     }
 
     /// Resolves once the work is canceled.

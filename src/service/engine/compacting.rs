@@ -6,12 +6,17 @@
 //! stays as constraints and priors between others, as in a full map. Nothing is changed before the
 //! caller's [`Cancellation`] is asked.
 
+use std::future::ready;
 use std::sync::Arc;
 
+use futures_util::FutureExt;
+use tokio::task::JoinHandle;
+
 use super::actor::Actor;
-use super::control::{Control, Reply, tell};
+use super::error::report_bug;
 use super::{Cancellation, EngineError, MapHandle};
 use crate::map::{Change, EntityId, Map, redundant_keyframes, retire_redundant};
+use crate::store::StoreError;
 
 /// Keyframes that are removed before the engine takes items again.
 const AT_ONCE: usize = 8;
@@ -49,7 +54,7 @@ impl MapHandle {
             Some(share) => {
                 let map = Arc::clone(&before);
                 let found = tokio::task::spawn_blocking(move || redundant_keyframes(&map, share));
-                found.await.map_err(|error| super::error::report_bug(&error.to_string()))?
+                found.await.map_err(|error| report_bug(&error.to_string()))?
             }
         };
         if !cancellation.commit() {
@@ -59,13 +64,14 @@ impl MapHandle {
         let share = redundant_share.unwrap_or(1.0);
         for some in keyframes.chunks(AT_ONCE) {
             let keyframes = some.to_vec();
-            let call = self.call(|reply| Control::RetireRedundant { keyframes, share, reply });
+            let call = self.call(move |actor| actor.retire_redundant(keyframes, share).boxed());
             retired += call.await??;
             looked += some.len();
             on_progress(looked, all);
         }
         if drop_journal {
-            self.call(|reply| Control::DropJournal { reply }).await??;
+            let dropping = self.call(|actor| ready(actor.drop_journal()).boxed()).await??;
+            dropping.await.map_err(|error| report_bug(&error.to_string()))??;
         }
         let after = self.snapshot().await?;
         self.durable(after.revision()).await?;
@@ -75,7 +81,7 @@ impl MapHandle {
 
 impl Actor {
     /// Removes those of the keyframes that are redundant still, and counts them.
-    pub(super) async fn retire_redundant(
+    async fn retire_redundant(
         &mut self,
         keyframes: Vec<EntityId>,
         share: f64,
@@ -93,13 +99,9 @@ impl Actor {
         Ok(count)
     }
 
-    /// Drops the journal before a snapshot of the map as it is.
-    pub(super) fn drop_journal(&self, reply: Reply<Result<(), EngineError>>) {
-        match self.check_changeable() {
-            Ok(()) => self.durability.drop_journal(&self.map, reply),
-            Err(error) => {
-                tell(reply, Err(error));
-            }
-        }
+    /// Starts to drop the journal before a snapshot of the map as it is.
+    fn drop_journal(&self) -> Result<JoinHandle<Result<(), StoreError>>, EngineError> {
+        self.check_changeable()?;
+        Ok(self.durability.drop_journal(&self.map))
     }
 }

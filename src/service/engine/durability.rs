@@ -14,11 +14,10 @@ use futures_util::FutureExt;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
-use super::control::Reply;
 use super::handle::Shared;
 use super::pool::{SolverPool, panic_message};
 use super::stream::Permit;
-use super::{Ack, AckStatus, EngineError, Reservation, Resource, StreamEvent};
+use super::{Ack, AckStatus, Reservation, Resource, StreamEvent};
 use crate::map::{ClientIndex, Event, Map};
 use crate::store::{Epoch, Flushed, Position, Store, StoreError};
 
@@ -170,8 +169,8 @@ impl Durability {
             return;
         }
         self.not_before = revision.saturating_add(RETRY_EVENTS);
-        let (shared, epoch) = (Arc::clone(&self.shared), self.epoch);
-        let (map, kept) = (Arc::clone(map), self.kept);
+        let (shared, epoch, map) = (Arc::clone(&self.shared), self.epoch, Arc::clone(map));
+        let kept = self.kept;
         self.snapshot = Some(tokio::spawn(async move {
             let store = &shared.store;
             if let Err(error) = store.put_snapshot(&shared.name, epoch, map).await {
@@ -187,19 +186,14 @@ impl Durability {
         }));
     }
 
-    /// Keeps a snapshot of the map as it is, then drops the journal before it. The answer comes when
-    /// that is done.
-    pub(super) fn drop_journal(&self, map: &Arc<Map>, reply: Reply<Result<(), EngineError>>) {
+    /// Starts to keep a snapshot of the map as it is and to drop the journal before it.
+    pub(super) fn drop_journal(&self, map: &Arc<Map>) -> JoinHandle<Result<(), StoreError>> {
         let (shared, epoch, map) = (Arc::clone(&self.shared), self.epoch, Arc::clone(map));
         tokio::spawn(async move {
             let (store, through) = (&shared.store, sequence_of(map.revision()));
-            let kept = store.put_snapshot(&shared.name, epoch, map).await;
-            let dropped = match kept {
-                Ok(()) => store.truncate(&shared.name, epoch, through + 1).await,
-                Err(error) => Err(error),
-            };
-            let _gone = reply.send(dropped.map_err(EngineError::Store));
-        });
+            store.put_snapshot(&shared.name, epoch, map).await?;
+            store.truncate(&shared.name, epoch, through + 1).await
+        })
     }
 
     /// The map at `revision`, replayed from the journal; `None` if it cannot be.

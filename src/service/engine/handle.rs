@@ -1,18 +1,20 @@
 //! The handle of a map: what callers hold, and what they share with the engine.
 //!
-//! A handle sends control messages and awaits the answers; it never changes the map itself. Once an
+//! A handle sends requests and awaits the answers; it never changes the map itself. Once an
 //! item is acknowledged, every later snapshot contains it.
 
 use std::fmt;
+use std::future::ready;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, MutexGuard, OnceLock};
 
 use covis_solvers::interrupt::Interrupt;
-use covis_solvers::optimizer::IterationSummary;
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tracing::Span;
 
-use super::control::{Control, MapUpdate, Reply};
+use super::actor::Actor;
 use super::durability::sequence_of;
 use super::error::report_bug;
 use super::measured_pairs::MeasuredPairs;
@@ -21,8 +23,8 @@ use super::places::Places;
 use super::solve::Job;
 use super::stream::Queued;
 use super::{
-    Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
-    OptimizeOutcome, SolveStep, Watch,
+    Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, MapUpdate,
+    OptimizeOptions, OptimizeOutcome, SolveStep, Watch,
 };
 use crate::loop_closing::{Located, View, locate};
 use crate::map::{GraphPairs, GraphProblem, Map, PlaceCandidate, RequestId, measured_graph};
@@ -138,12 +140,16 @@ impl Shared {
     }
 }
 
+/// What a handle asks of the engine, besides items: work for the map's task. Requests have their own
+/// queue and overtake items, so that a reader never waits behind a busy stream.
+pub(super) type Request = Box<dyn for<'a> FnOnce(&'a mut Actor) -> BoxFuture<'a, ()> + Send>;
+
 /// A handle of a map. It is cheap to clone and may outlive the map; calls then return an error.
 #[derive(Clone)]
 pub struct MapHandle {
     pub(super) shared: Arc<Shared>,
     pub(super) items: mpsc::Sender<Queued>,
-    pub(super) control: mpsc::Sender<Control>,
+    pub(super) requests: mpsc::Sender<Request>,
     /// The name by which the map was found, where that is the name of a map that became part of it.
     pub(super) merged: Option<Arc<MergedName>>,
 }
@@ -195,7 +201,7 @@ impl MapHandle {
     /// # Errors
     /// [`EngineError::MapNotFound`] when it was deleted, [`EngineError::ShuttingDown`].
     pub async fn listed(&self) -> Result<MapInfo, EngineError> {
-        self.call(|reply| Control::Info { reply }).await
+        self.call(|actor| ready(actor.info()).boxed()).await
     }
 
     /// The map as it is now.
@@ -221,7 +227,7 @@ impl MapHandle {
         lock_step: bool,
     ) -> Result<IngestStream, EngineError> {
         let handle = self.clone();
-        self.call(|reply| Control::Open { client, epoch, lock_step, handle, reply }).await?
+        self.call(move |actor| actor.open_stream(client, epoch, lock_step, handle).boxed()).await?
     }
 
     /// Watches the map, from the full state or from a revision that the caller holds.
@@ -234,13 +240,10 @@ impl MapHandle {
             return Err(error.clone());
         }
         let handle = self.clone();
-        let asked = self.call(|reply| Control::Watch { from_revision, handle, reply });
-        let (mut watch, past) = asked.await??;
+        let opened = self.call(move |actor| ready(actor.watch(from_revision, handle)).boxed());
+        let mut watch = opened.await??;
         if let Some(revision) = from_revision {
-            watch.resume_from(revision, past).await?;
-        }
-        if let Some(map) = &watch.reset {
-            self.durable(map.revision()).await?;
+            watch.resume_from(revision).await;
         }
         Ok(watch)
     }
@@ -265,15 +268,13 @@ impl MapHandle {
         let sequence = sequence_of(revision);
         let mut flushed = self.shared.flushed.clone();
         let ended = |f: &Flushed| f.through >= sequence || trouble(f).is_some();
-        match flushed.wait_for(ended).await {
-            Ok(reached) if reached.through < sequence => match trouble(&reached) {
-                Some(error) => {
-                    let ended = self.shared.ended.get().cloned();
-                    Err(ended.unwrap_or_else(|| EngineError::Store(error.clone())))
-                }
-                None => Ok(()),
-            },
-            Ok(_) | Err(_) => Ok(()),
+        let reached = flushed.wait_for(ended).await.ok().filter(|f| f.through < sequence);
+        match reached.and_then(|flushed| trouble(&flushed).cloned()) {
+            Some(error) => {
+                let ended = self.shared.ended.get().cloned();
+                Err(ended.unwrap_or(EngineError::Store(error)))
+            }
+            None => Ok(()),
         }
     }
 
@@ -314,9 +315,8 @@ impl MapHandle {
         Ok(locate(map, view, &found, (0, interrupt), |_, _| Ok(())))
     }
 
-    /// Optimizes the whole map. Sends each iteration to `progress` and applies the result as one
-    /// revision. Dropping the future or the receiver of `progress` cancels the solve, and nothing
-    /// is applied.
+    /// Optimizes the whole map. Sends each step to `steps` and applies the result as one revision.
+    /// Dropping the future or the receiver of `steps` cancels the solve, and nothing is applied.
     ///
     /// # Errors
     /// [`EngineError::OptimizationRunning`], [`EngineError::Poisoned`],
@@ -325,13 +325,9 @@ impl MapHandle {
     pub async fn optimize(
         &self,
         options: OptimizeOptions,
-        progress: mpsc::Sender<IterationSummary>,
+        steps: mpsc::UnboundedSender<SolveStep>,
     ) -> Result<OptimizeOutcome, EngineError> {
-        let iteration = |step| match step {
-            SolveStep::Iteration(row) => Some(row),
-            SolveStep::Reconstruction(_) => None,
-        };
-        self.solve_unless((Arc::default(), None), options, progress, iteration).await
+        self.solve_unless(Arc::default(), None, options, steps).await
     }
 
     /// As [`MapHandle::optimize`]; `cancellation` decides whether the result is applied. The event that
@@ -344,48 +340,43 @@ impl MapHandle {
         cancellation: Arc<Cancellation>,
         request: RequestId,
         options: OptimizeOptions,
-        progress: mpsc::Sender<SolveStep>,
+        steps: mpsc::UnboundedSender<SolveStep>,
     ) -> Result<OptimizeOutcome, EngineError> {
-        let asked = (cancellation, Some(request));
-        let outcome = self.solve_unless(asked, options, progress, Some).await?;
+        let outcome = self.solve_unless(cancellation, Some(request), options, steps).await?;
         self.durable_at_last(outcome.revision).await?;
         Ok(outcome)
     }
 
-    async fn solve_unless<T>(
+    async fn solve_unless(
         &self,
-        (cancellation, request): (Arc<Cancellation>, Option<RequestId>),
+        cancellation: Arc<Cancellation>,
+        request: Option<RequestId>,
         options: OptimizeOptions,
-        progress: mpsc::Sender<T>,
-        forward: impl Fn(SolveStep) -> Option<T>,
+        steps: mpsc::UnboundedSender<SolveStep>,
     ) -> Result<OptimizeOutcome, EngineError> {
         self.shared.config.check_calls()?;
-        // Unbounded, so that a slow caller cannot delay the solve; a solve has few iterations.
-        let (rows, mut row) = mpsc::unbounded_channel();
         let (reply, mut answer) = oneshot::channel();
         let mut guard = CancelOnDrop(Some(Arc::clone(&cancellation)));
         let canceled = Arc::clone(&cancellation);
+        let readers = steps.clone();
         let span = Span::current();
-        let job = Job { options, rows, cancellation, request, span, reply };
-        self.send(Control::Optimize(Box::new(job))).await?;
-        loop {
-            tokio::select! {
-                biased;
-                Some(step) = row.recv() => {
-                    if let Some(step) = forward(step)
-                        && progress.send(step).await.is_err()
-                    {
-                        canceled.abandon();
-                    }
-                }
-                () = progress.closed(), if !canceled.is_canceled() => canceled.abandon(),
-                outcome = &mut answer => {
-                    // The caller may ask again with the same cancellation.
-                    guard.0 = None;
-                    return outcome.unwrap_or_else(|_lost| Err(self.end_error()));
-                }
+        let job = Job { options, steps, cancellation, request, span, reply };
+        self.send(|actor| {
+            actor.optimize(job);
+            ready(()).boxed()
+        })
+        .await?;
+        let outcome = tokio::select! {
+            biased;
+            outcome = &mut answer => outcome,
+            () = readers.closed() => {
+                canceled.abandon();
+                answer.await
             }
-        }
+        };
+        // The caller may ask again with the same cancellation.
+        guard.0 = None;
+        outcome.unwrap_or_else(|_lost| Err(self.end_error()))
     }
 
     /// Changes name, policy or state of the map as one event, and returns when no crash can undo
@@ -396,7 +387,7 @@ impl MapHandle {
     /// [`EngineError::RevisionMismatch`] when the map is not at the expected revision,
     /// [`EngineError::Poisoned`], and as [`MapHandle::info`].
     pub async fn update(&self, update: MapUpdate) -> Result<MapInfo, EngineError> {
-        let info = self.call(|reply| Control::Update { update, reply }).await??;
+        let info = self.call(|actor| actor.update(update).boxed()).await??;
         self.durable(info.snapshot.revision()).await?;
         Ok(info)
     }
@@ -406,26 +397,38 @@ impl MapHandle {
         self.shared.ended.get().cloned().unwrap_or(EngineError::ShuttingDown)
     }
 
-    pub(super) async fn send(&self, control: Control) -> Result<(), EngineError> {
-        self.control.send(control).await.map_err(|_closed| self.end_error())
+    async fn send(
+        &self,
+        request: impl for<'a> FnOnce(&'a mut Actor) -> BoxFuture<'a, ()> + Send + 'static,
+    ) -> Result<(), EngineError> {
+        self.requests.send(Box::new(request)).await.map_err(|_closed| self.end_error())
     }
 
     /// Ends the engine; returns when it has ended.
     pub(super) async fn stop(&self) {
-        let (reply, ended) = oneshot::channel();
-        if self.send(Control::Shutdown { reply }).await.is_ok() {
-            // The engine drops the reply when it has ended.
+        let (running, ended) = oneshot::channel();
+        let closed = self.send(|actor| {
+            actor.close(running);
+            ready(()).boxed()
+        });
+        if closed.await.is_ok() {
+            // The engine drops the sender when it has ended.
             let _ended = ended.await;
         }
     }
 
-    pub(super) async fn call<T>(
+    /// Lets the engine run `work`, and returns what it answers.
+    pub(super) async fn call<T: Send + 'static>(
         &self,
-        control: impl FnOnce(Reply<T>) -> Control,
+        work: impl for<'a> FnOnce(&'a mut Actor) -> BoxFuture<'a, T> + Send + 'static,
     ) -> Result<T, EngineError> {
         self.shared.config.check_calls()?;
         let (reply, answer) = oneshot::channel();
-        self.send(control(reply)).await?;
+        self.send(|actor| {
+            // A caller that went away needs no answer.
+            work(actor).map(|result| drop(reply.send(result))).boxed()
+        })
+        .await?;
         answer.await.map_err(|_lost| self.end_error())
     }
 }

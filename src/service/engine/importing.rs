@@ -9,10 +9,8 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::account::HeldEntities;
-use super::handle::Condition;
-use super::maps::{Claim, run_to_end};
-use super::opening::Start;
-use super::{Account, EngineError, MapInfo, Maps, Reservation, Resource, tenant_of};
+use super::maps::run_to_end;
+use super::{Account, EngineError, MapInfo, Maps, Reservation, Resource};
 use crate::map::{Map, MapPolicy, Usage};
 
 /// Room for the content of a map that is being read. Dropping it gives the room back.
@@ -63,7 +61,9 @@ impl Maps {
     /// [`EngineError::MapExists`], [`EngineError::TenantLimit`] and
     /// [`EngineError::ServerLimit`] for too many streams, [`EngineError::ShuttingDown`].
     pub async fn begin_import(&self, name: &str) -> Result<ImportRoom, EngineError> {
-        self.check_free(name).await?;
+        if self.look_elsewhere(name).await?.is_some() {
+            return Err(EngineError::MapExists { map: name.to_owned() });
+        }
         let account = self.inner.pool.accounts().of_map(name);
         let place = account.reserve(Resource::Streams, 1)?;
         let held = HeldEntities::existing(&account, Usage::default());
@@ -90,31 +90,11 @@ impl Maps {
         let content = content.imported(self.create_time_ns(), display_name, policy);
         let maps = self.clone();
         run_to_end(async move {
-            let created = maps.import_claimed(claim, content).await;
+            let created = maps.create_claimed(claim, content, None).await;
             // The engine of the new map counts it from here on.
             drop(room);
             created
         })
         .await
-    }
-
-    /// Creates a map whose name is claimed and free.
-    async fn import_claimed(&self, claim: Claim, content: Map) -> Result<MapInfo, EngineError> {
-        let (store, name) = (&self.inner.store, claim.name().to_owned());
-        let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
-        let place = tenant.reserve(Resource::Maps, 1)?;
-        let content = Arc::new(content);
-        let epoch = self.create_stored(&name, Some(&content)).await?;
-        let flushed = store.follow(&name).await?;
-        let start = Start {
-            name,
-            epoch,
-            snapshot: content.revision(),
-            map: Arc::unwrap_or_clone(content),
-            condition: Condition::Open,
-            unopened: None,
-            flushed,
-        };
-        self.start_created(claim, start, place).await
     }
 }

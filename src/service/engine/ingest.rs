@@ -49,14 +49,6 @@ pub(super) enum Admission {
     Take(Box<Change>),
 }
 
-/// Whether the map has room for a change.
-pub(super) enum Capacity {
-    Available,
-    /// There is room once this count is lower.
-    Exceeded(Exceeded),
-    Refused(EngineError),
-}
-
 struct Stream {
     /// Counted as open until the caller learns of the end.
     _open: crate::meter::Held,
@@ -187,9 +179,7 @@ impl Ingest {
             _place: place,
         };
         self.streams.insert(client, stream);
-        let durable = self.shared.is_durable();
-        let sender =
-            ItemSender { handle, client, epoch, durable, events: sender, ended, finished: false };
+        let sender = ItemSender { handle, client, epoch, events: sender, ended, finished: false };
         IngestStream { opened, sender, events }
     }
 
@@ -258,39 +248,39 @@ impl Ingest {
     }
 
     /// Reserves what a change would add, in all accounts. It is counted by [`Ingest::count`] once
-    /// the change was applied or has failed.
-    pub(super) fn reserve(&mut self, map: &Map, change: &Change) -> Capacity {
+    /// the change was applied or has failed. Returns the limit of the map that leaves no room until a
+    /// keyframe goes, if there is one.
+    ///
+    /// # Errors
+    /// Why there is no room, whatever goes.
+    pub(super) fn reserve(
+        &mut self,
+        map: &Map,
+        change: &Change,
+    ) -> Result<Option<Exceeded>, EngineError> {
         let account = &self.shared.account;
         let limits = map.policy().limits.lower(&account.limits().held);
         // A slow disk fills the memory of the server: the limit covers the journals of all maps
         // together.
-        if let Err(error) = account.reserve(Resource::JournalBytes, 1) {
-            return Capacity::Refused(error);
-        }
+        drop(account.reserve(Resource::JournalBytes, 1)?);
         let usage = map.usage();
         let bound = map.growth_bound(change);
         // Far from every limit the bound is enough; near a limit it would refuse items that have
         // room.
         let is_far = limits.exceeded(usage, bound * FAR).is_none();
         if is_far && self.entities.have_room(bound * FAR) && self.entities.grow(bound).is_ok() {
-            return Capacity::Available;
+            return Ok(None);
         }
         let growth = map.growth(change);
         let Some(exceeded) = limits.exceeded(usage, growth) else {
-            return self
-                .entities
-                .grow(growth)
-                .map_or_else(Capacity::Refused, |()| Capacity::Available);
+            self.entities.grow(growth)?;
+            return Ok(None);
         };
         // A change that would push out a large part of the map is refused: it can only be a
         // mistake.
         let alone = Usage { keyframes: 0, ..growth };
         let is_huge = limits.exceeded(alone * (LARGEST_SHARE - 1), alone).is_some();
-        if is_huge {
-            Capacity::Refused(account.exceeded(exceeded))
-        } else {
-            Capacity::Exceeded(exceeded)
-        }
+        if is_huge { Err(account.exceeded(exceeded)) } else { Ok(Some(exceeded)) }
     }
 
     /// Counts the entities of the map as it is now.

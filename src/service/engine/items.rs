@@ -4,7 +4,7 @@
 //! which there is no room ends its stream.
 
 use super::actor::{Actor, SMALL, STEP};
-use super::ingest::{Admission, Capacity, Ingest, frees, size_of_item};
+use super::ingest::{Admission, Ingest, frees, size_of_item};
 use super::schedule::Task;
 use super::stream::{Body, Queued, QueuedItem};
 use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
@@ -123,11 +123,7 @@ impl Actor {
     /// # Errors
     /// Why there is no room.
     pub(super) async fn make_room(&mut self, change: &Change) -> Result<bool, EngineError> {
-        let exceeded = match self.ingest.reserve(&self.map, change) {
-            Capacity::Available => return Ok(true),
-            Capacity::Exceeded(exceeded) => exceeded,
-            Capacity::Refused(error) => return Err(error),
-        };
+        let Some(exceeded) = self.ingest.reserve(&self.map, change)? else { return Ok(true) };
         let counted = exceeded.counted;
         let retired = self.compute(move |map| retire(map).filter(|r| frees(map, r, counted)));
         let Some(retired) = retired.await else {
@@ -143,49 +139,38 @@ impl Actor {
         let PendingSolve { sequence, request } = pending;
         let policy = self.map.policy();
         let (local_bundle, loop_closure) = (policy.local_bundle, policy.loop_closure);
-        match request {
-            SolveRequest::Views(id) => {
-                if let Err(error) = self.triangulate_landmarks(id).await {
-                    return self.ingest.end(client, error);
-                }
-                if local_bundle {
-                    self.solving.schedule.push(client, sequence, Task::around(id));
-                } else {
-                    self.nothing_to_solve(client, sequence);
-                }
-            }
-            SolveRequest::LoopClosure if loop_closure => {
-                self.solving.schedule.push(client, sequence, Task::Loop);
-                self.solving.supersede_window();
-            }
-            // Fixes may come several times a second: no window is given up for one.
-            SolveRequest::Prior if loop_closure => {
-                self.solving.schedule.push(client, sequence, Task::Prior);
-            }
-            SolveRequest::LoopClosure | SolveRequest::Prior => {
-                self.nothing_to_solve(client, sequence)
-            }
+        let (graph, window, seen) = match request {
+            SolveRequest::Views(id) => (None, local_bundle.then(|| Task::around(id)), Some(id)),
+            SolveRequest::LoopClosure => (loop_closure.then_some(Task::Loop), None, None),
+            SolveRequest::Prior => (loop_closure.then_some(Task::Prior), None, None),
             SolveRequest::Edited(Affected { graph, keyframes }) => {
-                if let Some(&newest) = keyframes.last()
-                    && let Err(error) = self.triangulate_landmarks(newest).await
-                {
-                    return self.ingest.end(client, error);
-                }
-                let (graph, windows) =
-                    (graph && loop_closure, local_bundle && !keyframes.is_empty());
-                if graph {
-                    self.solving.schedule.push(client, sequence, Task::Loop);
-                    self.solving.supersede_window();
-                }
-                if windows {
-                    let task = Task::Window(keyframes.into());
-                    self.solving.schedule.push(client, sequence, task);
-                }
-                if !graph && !windows {
-                    self.nothing_to_solve(client, sequence);
-                }
+                let newest = keyframes.last().copied();
+                let windows = local_bundle && !keyframes.is_empty();
+                let window = windows.then(|| Task::Window(keyframes.into()));
+                ((graph && loop_closure).then_some(Task::Loop), window, newest)
             }
+        };
+        if let Some(id) = seen
+            && let Err(error) = self.triangulate_landmarks(id).await
+        {
+            return self.ingest.end(client, error);
         }
+        if graph.is_none() && window.is_none() {
+            return self.nothing_to_solve(client, sequence);
+        }
+        // Fixes may come several times a second: no window is given up for one.
+        if graph == Some(Task::Loop) {
+            self.solving.supersede_window();
+        }
+        for task in graph.into_iter().chain(window) {
+            self.solving.schedule.push(client, sequence, task);
+        }
+    }
+
+    /// Starts a pose graph for closures that no client waits for.
+    pub(super) async fn trigger_own_closures(&mut self) {
+        let (sequence, request) = (self.map.revision(), SolveRequest::LoopClosure);
+        self.trigger(ClientIndex::SERVER, PendingSolve { sequence, request }).await;
     }
 
     /// Triangulates landmarks of a keyframe that have no position, if that is possible now.

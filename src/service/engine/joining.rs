@@ -12,19 +12,8 @@ use tokio::sync::watch;
 
 use super::actor::Actor;
 use super::{Account, EngineError, MapHandle, MapInfo, Resource};
-use crate::map::{
-    Change, ClientIndex, Link, Map, MergeError, MergedClient, PendingSolve, SolveRequest, Usage,
-};
+use crate::map::{Change, ClientIndex, Link, Map, MergeError, MergedClient, Usage};
 use crate::store::{Epoch, Flushed, StoreError};
-
-/// What an engine is to take into its map.
-pub(super) struct Joining {
-    pub(super) name: String,
-    pub(super) source: Arc<Map>,
-    pub(super) target_from_source: Sim3,
-    pub(super) renamed: BTreeMap<String, String>,
-    pub(super) links: Vec<Link>,
-}
 
 /// A map that has left another one, as the store has made it.
 pub(super) struct Left {
@@ -76,10 +65,16 @@ impl Actor {
         Ok(self.info())
     }
 
-    /// Takes the content of another map.
-    pub(super) async fn join(&mut self, joining: Joining) -> Result<MapInfo, EngineError> {
+    /// Takes `source`, the content of the map called `name`.
+    pub(super) async fn join(
+        &mut self,
+        name: String,
+        source: Arc<Map>,
+        target_from_source: Sim3,
+        renamed: BTreeMap<String, String>,
+        mut links: Vec<Link>,
+    ) -> Result<MapInfo, EngineError> {
         self.check_open()?;
-        let Joining { name, source, target_from_source, renamed, mut links } = joining;
         let map = name.clone();
         let merge = self.compute(move |map| {
             links.retain(|link| {
@@ -121,7 +116,7 @@ impl Actor {
         let Some(content) = content.map(Arc::new) else {
             return Err(EngineError::NotMerged { map: map(), source_map: name });
         };
-        let merged = self.map.merged().iter().find(|merged| merged.name == name);
+        let merged = self.map.merged_as(&name);
         let clients: Vec<ClientIndex> =
             merged.into_iter().flat_map(|merged| &merged.clients).map(|c| c.index).collect();
         let store = Arc::clone(&self.shared.store);
@@ -143,9 +138,7 @@ impl Actor {
             return Err(error);
         }
         clients.into_iter().for_each(|client| self.solving.schedule.forget(client));
-        let pending =
-            PendingSolve { sequence: self.map.revision(), request: SolveRequest::LoopClosure };
-        self.trigger(ClientIndex::SERVER, pending).await;
+        self.trigger_own_closures().await;
         Ok(Left { map: self.info(), content, epoch, flushed })
     }
 }

@@ -8,23 +8,21 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
-use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use futures_util::FutureExt;
 use tokio::sync::{Semaphore, watch};
 use tracing::Instrument;
 
-use super::control::Control;
 use super::durability::{stored, unix_time_ns};
 use super::error::report_bug;
-use super::handle::{Condition, Shared};
 use super::opening::Start;
 use super::watch::READERS;
 use super::{
-    EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, Reservation, Resource,
-    SolverPool, tenant_of,
+    Account, EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, Reservation,
+    Resource, SolverPool, tenant_of,
 };
 use crate::map::{Change, Event, Map, MapPolicy};
 use crate::store::{Durability, Epoch, Store, StoreError};
@@ -122,50 +120,51 @@ impl Maps {
             handle.durable(1).await?;
             return Err(EngineError::MapExists { map: name.to_owned() });
         }
-        let (maps, display_name) = (self.clone(), display_name.to_owned());
-        run_to_end(async move { maps.create_claimed(claim, display_name, policy).await }).await
-    }
-
-    /// Creates a map whose name is claimed and free.
-    async fn create_claimed(
-        &self,
-        claim: Claim,
-        display_name: String,
-        policy: MapPolicy,
-    ) -> Result<MapInfo, EngineError> {
-        let (store, name) = (&self.inner.store, claim.name().to_owned());
-        // Reserved before the map is created; released if the creation fails.
-        let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
-        let place = tenant.reserve(Resource::Maps, 1)?;
-        let epoch = self.create_stored(&name, None).await?;
-        let create_time_ns = self.create_time_ns();
+        let (create_time_ns, display_name) = (self.create_time_ns(), display_name.to_owned());
         let change = Change::Created { policy, create_time_ns, display_name };
         let event = Event { revision: 1, time_ns: create_time_ns, cause: None, change };
         let mut map = Map::new();
         if let Err(error) = map.apply(&event) {
-            return Err(EngineError::Journal { map: name, error });
+            return Err(EngineError::Journal { map: name.to_owned(), error });
         }
-        if let Err(error) = store.append(&name, epoch, 0, vec![Arc::new(event)]).await {
+        let maps = self.clone();
+        run_to_end(async move { maps.create_claimed(claim, map, Some(event)).await }).await
+    }
+
+    /// Creates a map whose name is claimed and free: with its first event, or without one with the
+    /// content that it has.
+    pub(super) async fn create_claimed(
+        &self,
+        claim: Claim,
+        map: Map,
+        first: Option<Event>,
+    ) -> Result<MapInfo, EngineError> {
+        let (store, name) = (&self.inner.store, claim.name().to_owned());
+        // Reserved before the map is created; released if the creation fails.
+        let place = self.tenant(&name).reserve(Resource::Maps, 1)?;
+        let (map, is_empty) = (Arc::new(map), first.is_some());
+        let epoch = self.create_stored(&name, (!is_empty).then_some(&map)).await?;
+        if let Some(event) = first
+            && let Err(error) = store.append(&name, epoch, 0, vec![Arc::new(event)]).await
+        {
             // A map without its first event could never be opened.
             store.delete_map(&name).await?;
             return Err(error.into());
         }
         let flushed = store.follow(&name).await?;
-        let start = Start {
-            name,
-            epoch,
-            map,
-            condition: Condition::Open,
-            unopened: None,
-            snapshot: 0,
-            flushed,
-        };
+        let snapshot = if is_empty { 0 } else { map.revision() };
+        let start = Start::open(name, epoch, Arc::unwrap_or_clone(map), snapshot, flushed);
         self.start_created(claim, start, place).await
+    }
+
+    /// The account of the tenant of the map called `name`.
+    pub(super) fn tenant(&self, name: &str) -> Arc<Account> {
+        self.inner.pool.accounts().tenant(tenant_of(name))
     }
 
     /// Creates a map in the store, empty or with content. An empty one without an engine is what a failed
     /// creation left and could not undo; nothing else is deleted.
-    pub(super) async fn create_stored(
+    async fn create_stored(
         &self,
         name: &str,
         content: Option<&Arc<Map>>,
@@ -189,7 +188,7 @@ impl Maps {
     }
 
     /// Starts the engine of a map that the store just created.
-    pub(super) async fn start_created(
+    async fn start_created(
         &self,
         mut claim: Claim,
         start: Start,
@@ -201,7 +200,7 @@ impl Maps {
         if let Err(error) = handle.durable(revision).await {
             // If the creation cannot be undone, the name keeps a map that reports why it accepts
             // nothing.
-            let undone = handle.call(|reply| Control::Delete { reply }).await.flatten();
+            let undone = handle.call(|actor| actor.delete().boxed()).await.flatten();
             claim.set(undone.is_err().then_some(handle));
             return Err(error);
         }
@@ -245,10 +244,10 @@ impl Maps {
         let maps = self.clone();
         run_to_end(async move {
             let deleted = handle.snapshot().await;
-            handle.call(|reply| Control::Delete { reply }).await??;
+            handle.call(|actor| actor.delete().boxed()).await??;
             claim.set(None);
             drop(claim);
-            maps.inner.table.forget_merged(&handle);
+            maps.inner.table.forget(|map| map.merged.is_some() && map.is_same_map(&handle));
             if let Ok(deleted) = deleted {
                 maps.release_merged(&deleted).await;
             }
@@ -362,18 +361,11 @@ impl Table {
         }
     }
 
-    /// A map is deleted: names that lead to it are free.
-    fn forget_merged(&self, map: &MapHandle) {
+    /// Frees the names of maps that are no more: whose engine has ended by itself, or that led to one
+    /// that is deleted.
+    pub(super) fn forget(&self, is_gone: impl Fn(&MapHandle) -> bool) {
         self.0.lock().retain(|_, entry| {
-            entry.map.take_if(|other| other.merged.is_some() && other.is_same_map(map));
-            entry.map.is_some() || entry.change.is_some()
-        });
-    }
-
-    /// An engine has ended by itself: its name is free for the next one.
-    pub(super) fn forget_ended(&self, ended: &Weak<Shared>) {
-        self.0.lock().retain(|_, entry| {
-            entry.map.take_if(|map| std::ptr::eq(Arc::as_ptr(&map.shared), ended.as_ptr()));
+            entry.map.take_if(|map| is_gone(map));
             entry.map.is_some() || entry.change.is_some()
         });
     }

@@ -12,6 +12,7 @@
 //! [`align`], unless the caller knows.
 
 use std::collections::BTreeMap;
+use std::future::ready;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -19,15 +20,14 @@ use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::information::Information;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::problem::SolveError;
+use futures_util::FutureExt;
 
-use super::control::Control;
 use super::error::report_bug;
-use super::handle::Condition;
-use super::joining::{Joining, Left, check_room};
+use super::joining::{Left, check_room};
 use super::maps::{Claim, run_to_end};
 use super::opening::{Start, uid};
 use super::pool::{Estimate, PoolError};
-use super::{EngineError, MapHandle, MapInfo, Maps, Resource, tenant_of};
+use super::{EngineError, MapHandle, MapInfo, Maps, Resource};
 use crate::loop_closing::{View, align};
 use crate::map::{EntityId, Link, Map, MergeError, MergedMap};
 
@@ -248,7 +248,7 @@ impl Maps {
         };
         // From here on the source is a copy: it takes nothing more, whatever fails.
         to.durable(map.snapshot.revision()).await?;
-        from.call(|reply| Control::Delete { reply }).await??;
+        from.call(|actor| actor.delete().boxed()).await??;
         let Some(merged) = map.snapshot.merged_as(&name) else {
             return Err(report_bug("a map that was merged is not in the target"));
         };
@@ -309,21 +309,14 @@ impl Maps {
         if !source.map().is_some_and(is_part) {
             return Err(not_merged());
         }
-        let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
-        let place = tenant.reserve(Resource::Maps, 1)?;
-        let left = to.call(|reply| Control::TakeOut { name: name.clone(), reply }).await??;
+        let place = self.tenant(&name).reserve(Resource::Maps, 1)?;
+        let taken = name.clone();
+        let left = to.call(|actor| actor.take_out(taken).boxed()).await??;
         let Left { map, content, epoch, flushed } = left;
         // A full disk delays it only: the content has no other map any more.
         let durable = to.durable_at_last(map.snapshot.revision()).await;
-        let start = Start {
-            flushed,
-            name: name.clone(),
-            epoch,
-            snapshot: content.revision(),
-            map: Arc::unwrap_or_clone(content),
-            condition: Condition::Open,
-            unopened: None,
-        };
+        let (revision, content) = (content.revision(), Arc::unwrap_or_clone(content));
+        let start = Start::open(name.clone(), epoch, content, revision, flushed);
         let from = self.spawn(start, place);
         source.set(Some(from.clone()));
         drop((source, claim));
@@ -357,7 +350,7 @@ impl Maps {
             }
             handle.durable(kept.revision()).await?;
             tracing::warn!(map = merged.name, "what is left of a merged map is deleted");
-            rest.call(|reply| Control::Delete { reply }).await??;
+            rest.call(|actor| actor.delete().boxed()).await??;
         }
         claim.set(Some(handle.called(merged)));
         Ok(())
@@ -397,9 +390,9 @@ async fn joined(
     };
     from.durable(source.revision()).await?;
     let count = links.len();
-    let joining = Box::new(Joining { name, source, target_from_source, renamed, links });
-    let map = to.call(|reply| Control::Join { joining, reply }).await??;
-    Ok((map, count))
+    let join =
+        to.call(move |actor| actor.join(name, source, target_from_source, renamed, links).boxed());
+    Ok((join.await??, count))
 }
 
 /// The map of a claim.
@@ -432,7 +425,7 @@ impl MapHandle {
 
     /// The map as it is, which from now on takes nothing until [`MapHandle::release`].
     async fn hold(&self) -> Result<Arc<Map>, EngineError> {
-        Ok(self.call(|reply| Control::Hold { reply }).await??.snapshot)
+        Ok(self.call(|actor| ready(actor.hold()).boxed()).await??.snapshot)
     }
 
     /// Whether the map takes nothing because another one is to take its content, or has.

@@ -49,6 +49,10 @@ const ENDS: [&str; 10] = [
     "panicked",
     "answered",
 ];
+/// Kinds of solves, in the order of their instruments: of windows, of pose graphs, of whole maps, and of
+/// problems that came with a call.
+const SOLVES: [&str; 4] = ["local_bundle", "pose_graph", "global", "request"];
+
 const PANICKED: usize = 8;
 /// The solve's problem came with a call; the answer of the call says how it ended.
 const ANSWERED: usize = 9;
@@ -69,10 +73,8 @@ fn place_of_end(outcome: &Outcome) -> usize {
 }
 
 /// Instruments of one kind of solve.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct SolveMeters {
-    /// Its name.
-    pub kind: &'static str,
     /// How long it waited for a thread of the pool, ns.
     pub waiting_ns: Histogram,
     /// How long it ran, ns.
@@ -85,17 +87,6 @@ pub struct SolveMeters {
 }
 
 impl SolveMeters {
-    fn new(kind: &'static str) -> Arc<Self> {
-        Arc::new(Self {
-            kind,
-            waiting_ns: Histogram::of_durations(),
-            running_ns: Histogram::of_durations(),
-            waiting: Arc::default(),
-            running: Arc::default(),
-            ends: Default::default(),
-        })
-    }
-
     /// How its solves ended, by name.
     pub fn ends(&self) -> impl Iterator<Item = (&'static str, &Counter)> {
         ENDS.into_iter().zip(&self.ends)
@@ -117,11 +108,19 @@ pub struct QueuedSolve {
 
 impl QueuedSolve {
     /// The solve has got its thread.
-    pub(super) fn started(self) -> StartedSolve {
+    fn started(self) -> StartedSolve {
         self.meters.waiting_ns.observe_time(self.since.elapsed());
         let running = self.meters.running.hold();
         let meters = Arc::clone(&self.meters);
         StartedSolve { since: Instant::now(), meters, end: PANICKED, _held: running }
+    }
+
+    /// Runs the solve.
+    pub(super) fn solve(self, work: impl FnOnce() -> Outcome) -> Outcome {
+        let mut started = self.started();
+        let outcome = work();
+        started.end = place_of_end(&outcome);
+        outcome
     }
 
     /// Runs work whose result does not say how it ended.
@@ -135,19 +134,11 @@ impl QueuedSolve {
 
 /// Measures a running solve. If it is dropped before its end is set, the solve panicked.
 #[derive(Debug)]
-pub(super) struct StartedSolve {
+struct StartedSolve {
     since: Instant,
     meters: Arc<SolveMeters>,
     end: usize,
     _held: Held,
-}
-
-impl StartedSolve {
-    /// The solve has ended.
-    pub(super) fn ended(mut self, outcome: Outcome) -> Outcome {
-        self.end = place_of_end(&outcome);
-        outcome
-    }
 }
 
 impl Drop for StartedSolve {
@@ -162,7 +153,7 @@ impl Drop for StartedSolve {
 }
 
 /// Instruments of all engines of a server.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct EngineMeters {
     /// Open ingest streams.
     pub streams: Arc<Gauge>,
@@ -181,8 +172,7 @@ pub struct EngineMeters {
     pub durable_ns: Histogram,
     /// From an item's arrival until the solve that it started was applied, ns.
     pub optimized_ns: Histogram,
-    /// Solves of windows, of pose graphs, of whole maps, and of problems that came with a call.
-    pub solves: [Arc<SolveMeters>; 4],
+    solves: [Arc<SolveMeters>; SOLVES.len()],
     /// Solves of windows whose result was dropped for a loop closure or an optimization.
     pub superseded: Counter,
     /// How long the search for the place of a keyframe took, ns.
@@ -197,29 +187,6 @@ pub struct EngineMeters {
     pub solve_panics: Counter,
 }
 
-impl Default for EngineMeters {
-    fn default() -> Self {
-        Self {
-            streams: Arc::default(),
-            watchers: Arc::default(),
-            received: Counter::default(),
-            duplicate: Counter::default(),
-            at_limit: Counter::default(),
-            rejected: Default::default(),
-            retired: Counter::default(),
-            durable_ns: Histogram::of_durations(),
-            optimized_ns: Histogram::of_durations(),
-            solves: ["local_bundle", "pose_graph", "global", "request"].map(SolveMeters::new),
-            superseded: Counter::default(),
-            place_search_ns: Histogram::of_durations(),
-            closures_found: Counter::default(),
-            held_ns: Histogram::of_durations(),
-            engine_panics: Counter::default(),
-            solve_panics: Counter::default(),
-        }
-    }
-}
-
 impl EngineMeters {
     /// Runs the task of an engine and measures how long each poll takes.
     pub(super) async fn measure(self: Arc<Self>, engine: impl Future<Output = ()>) {
@@ -231,6 +198,11 @@ impl EngineMeters {
             poll
         })
         .await;
+    }
+
+    /// Solves by kind.
+    pub fn solves(&self) -> impl Iterator<Item = (&'static str, &Arc<SolveMeters>)> {
+        SOLVES.into_iter().zip(&self.solves)
     }
 
     /// Rejected items by the reason of their first violation.

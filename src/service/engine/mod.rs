@@ -38,7 +38,6 @@ mod actor;
 mod background;
 mod cancellation;
 mod compacting;
-mod control;
 mod durability;
 mod error;
 mod fair_queue;
@@ -74,7 +73,6 @@ pub use account::{
 };
 pub use cancellation::Cancellation;
 pub use compacting::Compacted;
-pub use control::{MapUpdate, PolicyUpdate};
 pub use error::EngineError;
 pub use fair_queue::{FairQueue, Turn};
 pub use handle::{MapHandle, MapInfo, MapState};
@@ -82,6 +80,7 @@ pub use importing::{ImportRoom, ImportedAs};
 pub use maps::Maps;
 pub use merging::{LinkRequest, MergeOutcome, MergeRequest};
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
+pub(super) use pool::panic_message;
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
 pub use rebuilding::{Rebuilt, UnplacedKeyframe};
 pub use solve::{
@@ -90,6 +89,7 @@ pub use solve::{
 };
 pub use stream::{Ack, AckStatus, IngestStream, ItemSender, Opened, SolveReport, StreamEvent};
 pub use touched::Touched;
+pub use updating::{MapUpdate, PolicyUpdate};
 pub use watch::{MapChange, Watch};
 
 /// How the engines of a server run.

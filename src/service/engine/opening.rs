@@ -23,13 +23,13 @@ use super::maps::Inner;
 use super::recognition::Recognition;
 use super::solving::Solving;
 use super::watching::Watching;
-use super::{EngineError, MapHandle, Maps, Reservation, Resource, tenant_of};
+use super::{EngineError, MapHandle, Maps, Reservation, Resource};
 use crate::map::Map;
 use crate::store::{self, Epoch, Flushed, StoreError};
 use crate::sync::Mutex;
 
-/// Most control messages that wait; the engine answers them at once.
-const CONTROL_QUEUE: usize = 64;
+/// Most requests that wait; the engine answers them at once.
+const REQUEST_QUEUE: usize = 64;
 /// Delay until a map is opened again after the system lacked resources. It doubles with each
 /// attempt, up to [`LONGEST_OPENING`].
 const FIRST_OPENING: Duration = Duration::from_millis(100);
@@ -46,6 +46,20 @@ pub(super) struct Start {
     /// Revision of the snapshot that it was loaded from.
     pub(super) snapshot: i64,
     pub(super) flushed: watch::Receiver<Flushed>,
+}
+
+impl Start {
+    /// A map that accepts changes; `snapshot` is the revision of the snapshot that the store has of it.
+    pub(super) fn open(
+        name: String,
+        epoch: Epoch,
+        map: Map,
+        snapshot: i64,
+        flushed: watch::Receiver<Flushed>,
+    ) -> Self {
+        let (condition, unopened) = (Condition::Open, None);
+        Self { name, epoch, map, condition, unopened, snapshot, flushed }
+    }
 }
 
 impl Maps {
@@ -76,8 +90,8 @@ impl Maps {
 
     /// Starts the engine of an existing map, even above the limits.
     pub(super) fn spawn_existing(&self, start: Start) -> MapHandle {
-        let tenant = self.inner.pool.accounts().tenant(tenant_of(&start.name));
-        self.spawn(start, tenant.reserve_existing(Resource::Maps, 1))
+        let place = self.tenant(&start.name).reserve_existing(Resource::Maps, 1);
+        self.spawn(start, place)
     }
 
     /// Tries to open a map until the system has the resources, the map is deleted, or opening fails
@@ -151,22 +165,15 @@ impl Maps {
             None if stopped.is_some() || is_short => Condition::Poisoned,
             None => Condition::Open,
         };
-        Ok(Some(Start {
-            name: name.to_owned(),
-            epoch,
-            map,
-            condition,
-            unopened: None,
-            snapshot,
-            flushed,
-        }))
+        let start = Start::open(name.to_owned(), epoch, map, snapshot, flushed);
+        Ok(Some(Start { condition, ..start }))
     }
 
     /// Starts the engine of a map.
     pub(super) fn spawn(&self, start: Start, place: Reservation) -> MapHandle {
         let Inner { store, pool, config, .. } = &*self.inner;
         let (item_queue, items) = mpsc::channel(config.queue_capacity.max(1));
-        let (control_queue, control) = mpsc::channel(CONTROL_QUEUE);
+        let (request_queue, requests) = mpsc::channel(REQUEST_QUEUE);
         let shared = Arc::new(Shared {
             uid: match start.unopened {
                 Some(_) => String::new(),
@@ -200,7 +207,7 @@ impl Maps {
             watching: Watching::default(),
             map: Arc::new(start.map),
             applying: None,
-            control,
+            requests,
             has_pending_solves: shared.check_open().is_ok(),
             handled: 0,
             answered: false,
@@ -211,13 +218,13 @@ impl Maps {
         let (maps, ended) = (Arc::downgrade(&self.inner), Arc::downgrade(&shared));
         tokio::spawn(async move {
             running.await;
-            if let Some(maps) = maps.upgrade()
-                && ended.upgrade().is_some_and(|shared| shared.is_elsewhere())
+            if let (Some(maps), Some(ended)) = (maps.upgrade(), ended.upgrade())
+                && ended.is_elsewhere()
             {
-                maps.table.forget_ended(&ended);
+                maps.table.forget(|map| Arc::ptr_eq(&map.shared, &ended));
             }
         });
-        MapHandle { shared, items: item_queue, control: control_queue, merged: None }
+        MapHandle { shared, items: item_queue, requests: request_queue, merged: None }
     }
 }
 

@@ -346,39 +346,79 @@ pub fn lower_priority() {
     let _as_it_is = rustix::process::setpriority_process(None, LARGE_NICE);
 }
 
-/// Work on the pool whose result may come to be unwanted.
-pub(super) struct Started<R> {
+/// A place for one piece of work of an engine on the pool. `I` is what the engine knows about the work.
+pub(super) struct Slot<R, I = ()> {
+    pool: Arc<SolverPool>,
+    /// Account of the engine's map.
+    account: Arc<Account>,
+    running: Option<Started<R, I>>,
+}
+
+struct Started<R, I> {
+    info: I,
+    /// Whether the result is not wanted any more.
     is_stale: bool,
     cancel: Arc<AtomicBool>,
     answer: oneshot::Receiver<Result<R, SolvePanicked>>,
 }
 
-impl<R> Started<R> {
-    /// `cancel` is the flag that ends the work early.
-    pub(super) fn new(
+impl<R: Send + 'static, I> Slot<R, I> {
+    /// A free slot.
+    pub(super) fn new(pool: &Arc<SolverPool>, account: &Arc<Account>) -> Self {
+        Self { pool: Arc::clone(pool), account: Arc::clone(account), running: None }
+    }
+
+    /// What is known about the work that runs; `None` where none runs.
+    pub(super) fn running(&self) -> Option<&I> {
+        self.running.as_ref().map(|running| &running.info)
+    }
+
+    /// Whether nothing runs.
+    pub(super) fn is_free(&self) -> bool {
+        self.running.is_none()
+    }
+
+    /// Starts work in a free slot. The work ends early once `cancel` is set.
+    pub(super) fn start(
+        &mut self,
+        info: I,
+        estimate: Estimate,
         cancel: Arc<AtomicBool>,
-        answer: oneshot::Receiver<Result<R, SolvePanicked>>,
-    ) -> Self {
-        Self { is_stale: false, cancel, answer }
+        work: impl FnOnce(&Arc<AtomicBool>) -> R + Send + 'static,
+    ) {
+        let flag = Arc::clone(&cancel);
+        let answer = self.pool.start(&self.account, estimate, move || work(&flag));
+        self.running = Some(Started { info, is_stale: false, cancel, answer });
     }
 
-    /// Cancels the work; its result is not wanted any more.
-    pub(super) fn drop_result(&mut self) {
-        self.is_stale = true;
-        self.cancel.store(true, Ordering::Relaxed);
-    }
-
-    /// Whether the result is not wanted.
-    pub(super) fn is_stale(&self) -> bool {
-        self.is_stale
-    }
-
-    /// Resolves when the work has ended; never if there is none.
-    pub(super) async fn ended(started: Option<&mut Self>) -> Result<R, SolvePanicked> {
-        match started {
-            Some(started) => answered((&mut started.answer).await),
-            None => std::future::pending().await,
+    /// Cancels the work that runs; its result is dropped.
+    pub(super) fn cancel(&mut self) {
+        if let Some(running) = &mut self.running {
+            running.is_stale = true;
+            running.cancel.store(true, Ordering::Relaxed);
         }
+    }
+
+    /// Cancels the work that runs and does not wait for its end.
+    pub(super) fn forget(&mut self) {
+        self.cancel();
+        self.running = None;
+    }
+
+    /// Resolves when the work has ended, with its result unless that is dropped; never if none runs.
+    pub(super) async fn ended(&mut self) -> Result<(I, Option<R>), SolvePanicked> {
+        if let Some(running) = &mut self.running {
+            let answer = answered((&mut running.answer).await);
+            if let Some(Started { info, is_stale, .. }) = self.running.take() {
+                let result = answer?;
+                if is_stale {
+                    self.pool.discard(result);
+                    return Ok((info, None));
+                }
+                return Ok((info, Some(result)));
+            }
+        }
+        std::future::pending().await
     }
 }
 
@@ -390,14 +430,10 @@ fn answered<R>(
 }
 
 /// The message of a panic.
-pub(super) fn panic_message(panic: &(dyn Any + Send)) -> String {
-    if let Some(text) = panic.downcast_ref::<&'static str>() {
-        (*text).to_owned()
-    } else if let Some(text) = panic.downcast_ref::<String>() {
-        text.clone()
-    } else {
-        "no message".to_owned()
-    }
+pub(in crate::service) fn panic_message(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied();
+    let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    text.unwrap_or("no message").to_owned()
 }
 
 #[cfg(test)]

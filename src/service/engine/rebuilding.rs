@@ -13,12 +13,11 @@ use covis_solvers::problem::SolveError;
 use covis_solvers::reconstruction::{
     self, Frame, Placement, Progress, Reconstruction, Scale, ViewGraph, reconstruct,
 };
-use tokio::sync::mpsc;
 
 use super::GaugeKind;
 use super::solve::{
     Moved, OptimizeCounts, OptimizeOptions, Outcome, Solution, SolveCertificate, SolveStep,
-    SolverKind, interrupt,
+    SolverKind, Tell, interrupt,
 };
 use crate::map::{ClientIndex, Compared, Map, observation_problem};
 
@@ -98,7 +97,7 @@ impl Rebuilt {
 pub(super) fn rebuild_map(
     map: Arc<Map>,
     options: &OptimizeOptions,
-    rows: &mpsc::UnboundedSender<SolveStep>,
+    tell: &mut Tell<'_>,
     cancel: &Arc<AtomicBool>,
 ) -> Outcome {
     let mut problem = observation_problem(&map);
@@ -113,12 +112,11 @@ pub(super) fn rebuild_map(
         ..reconstruction::Options::default()
     };
     let interrupt = interrupt(None, cancel);
-    let mut tell = |progress: &Progress| {
-        // The receiver is gone when the caller went away; the solve is then canceled.
-        let _gone = rows.send(SolveStep::Reconstruction(*progress));
+    let mut observer = |progress: &Progress| {
+        tell(SolveStep::Reconstruction(*progress));
         Control::Continue
     };
-    let found = reconstruct(&problem.problem, &options, &interrupt, &mut tell)?;
+    let found = reconstruct(&problem.problem, &options, &interrupt, &mut observer)?;
     let name = |index: usize| {
         let id = problem.keyframes[index];
         let ClientIndex(client) = id.client;

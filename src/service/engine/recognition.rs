@@ -8,20 +8,16 @@
 //! for a tenth of a second.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use covis_solvers::interrupt::Interrupt;
 
 use super::actor::Actor;
 use super::handle::Shared;
 use super::places::Places;
-use super::pool::{SolvePanicked, SolverPool, Started};
+use super::pool::{Slot, SolvePanicked, SolverPool};
 use super::{EngineError, Estimate, Resource};
 use crate::loop_closing::{View, close, excluded, not_indexed};
-use crate::map::{
-    Change, ClientIndex, Constraint, EntityId, Map, PendingSolve, PlaceRefusal, PlaceSearch,
-    SolveRequest,
-};
+use crate::map::{Change, Constraint, EntityId, Map, PlaceRefusal, PlaceSearch};
 
 /// Keyframes whose places are searched in one task. A search takes 10 to 100 ms, and its closure waits
 /// for the last one.
@@ -40,21 +36,20 @@ pub(super) struct Found {
 /// The searches of a map, one task at a time.
 pub(super) struct Recognition {
     shared: Arc<Shared>,
-    pool: Arc<SolverPool>,
-    running: Option<Started<Vec<Found>>>,
+    pub(super) work: Slot<Vec<Found>>,
     /// Whether the journal has refused a change and has not moved since.
     waits_for_journal: bool,
 }
 
 impl Recognition {
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>) -> Self {
-        let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
-        Self { shared, pool, running: None, waits_for_journal: false }
+        let work = Slot::new(pool, &shared.account);
+        Self { shared: Arc::clone(shared), work, waits_for_journal: false }
     }
 
     /// Whether nothing runs or is due.
     pub(super) fn is_idle(&self, map: &Map) -> bool {
-        self.running.is_none() && !self.is_due(map)
+        self.work.is_free() && !self.is_due(map)
     }
 
     fn is_due(&self, map: &Map) -> bool {
@@ -63,21 +58,9 @@ impl Recognition {
             && !map.place_searches().pending().is_empty()
     }
 
-    /// Whether a task may have to start.
-    pub(super) fn may_start(&self, map: &Map) -> bool {
-        self.running.is_none() && self.is_due(map)
-    }
-
     /// The journal took a change, or brought some to the disk.
     pub(super) fn changed(&mut self) {
         self.waits_for_journal = false;
-    }
-
-    /// Cancels what runs; its result is dropped.
-    pub(super) fn cancel(&mut self) {
-        if let Some(running) = &mut self.running {
-            running.drop_result();
-        }
     }
 
     /// Starts to search the places of the keyframes that have waited longest.
@@ -90,10 +73,9 @@ impl Recognition {
         }
         due.sort_unstable();
         let (map, places) = (Arc::clone(map), Arc::clone(&self.shared.places));
-        let cancel = Arc::<AtomicBool>::default();
-        let interrupt = Interrupt::at(None).or_when(Arc::clone(&cancel));
         let meters = Arc::clone(&self.shared.meters);
-        let answer = self.pool.start(&self.shared.account, Estimate::LONG, move || {
+        self.work.start((), Estimate::LONG, Arc::default(), move |cancel| {
+            let interrupt = Interrupt::NEVER.or_when(Arc::clone(cancel));
             // An index that lacks much, as after a restart, is made in several tasks: between two of them
             // other solves have their turns.
             if !places.advance(&map, &interrupt) {
@@ -107,22 +89,6 @@ impl Recognition {
             };
             due.into_iter().take_while(|_| !interrupt.is_due()).map(search).collect()
         });
-        self.running = Some(Started::new(cancel, answer));
-    }
-
-    /// Resolves when the running task has ended; never if none runs.
-    pub(super) async fn ended(&mut self) -> Result<Vec<Found>, SolvePanicked> {
-        Started::ended(self.running.as_mut()).await
-    }
-
-    /// What the task that has ended found, if it is still wanted.
-    fn take_ended(
-        &mut self,
-        found: Result<Vec<Found>, SolvePanicked>,
-    ) -> Result<Vec<Found>, SolvePanicked> {
-        let is_stale = self.running.take().is_none_or(|running| running.is_stale());
-        let found = found.inspect_err(|_| self.shared.meters.solve_panics.increment())?;
-        Ok(if is_stale { Vec::new() } else { found })
     }
 }
 
@@ -185,24 +151,19 @@ fn wanted(map: &Map, found: &[Found]) -> (Searches, Closures) {
 impl Actor {
     /// Starts the next searches, if some are due and nothing runs that they have to wait for.
     pub(super) fn start_recognition(&mut self) {
-        let is_held_back = self.map.is_frozen()
-            || !self.closing.is_empty()
-            || self.check_changeable().is_err()
-            || (self.ingest.is_lock_step() && !self.solving.is_idle());
-        if !is_held_back && self.recognition.may_start(&self.map) {
+        let waits = self.ingest.is_lock_step() && !self.solving.is_idle();
+        let may_start = self.recognition.work.is_free() && self.recognition.is_due(&self.map);
+        if may_start && !waits && self.check_open().is_ok() {
             self.recognition.start(&self.map);
         }
     }
 
     /// Handles the end of a task.
-    pub(super) async fn recognition_ended(&mut self, found: Result<Vec<Found>, SolvePanicked>) {
-        let found = match self.recognition.take_ended(found) {
-            Ok(found) => found,
-            Err(panicked) => {
-                self.poison(&panicked.message);
-                return;
-            }
-        };
+    pub(super) async fn recognition_ended(
+        &mut self,
+        ended: Result<((), Option<Vec<Found>>), SolvePanicked>,
+    ) {
+        let Some(((), Some(found))) = self.unless_panicked(ended) else { return };
         let (count, change) = match self.searched(&found).await {
             Ok(Some(change)) => change,
             Ok(None) => return,
@@ -213,9 +174,7 @@ impl Actor {
         }
         if count > 0 {
             self.shared.meters.closures_found.add(count);
-            let pending =
-                PendingSolve { sequence: self.map.revision(), request: SolveRequest::LoopClosure };
-            self.trigger(ClientIndex::SERVER, pending).await;
+            self.trigger_own_closures().await;
         }
     }
 

@@ -36,7 +36,7 @@ struct Trigger {
 }
 
 /// The open triggers in the order of their arrival.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Schedule {
     open: BTreeMap<u64, Trigger>,
     next_arrival: u64,
@@ -97,18 +97,14 @@ impl Schedule {
         self.open.iter().filter(|(_, t)| is_loop(&t.task)).map(|(&a, _)| a).collect()
     }
 
-    /// Whether a loop closure is open.
-    pub(super) fn has_loop(&self) -> bool {
-        self.open.values().any(|trigger| trigger.task == Task::Loop)
-    }
-
-    /// Whether a prior is open.
-    pub(super) fn has_prior(&self) -> bool {
-        self.open.values().any(|trigger| trigger.task == Task::Prior)
+    /// Whether a pose graph is due: a loop closure is open, or a prior that need not wait for a window.
+    pub(super) fn is_loop_due(&self, window_first: bool) -> bool {
+        let has = |task: &Task| self.open.values().any(|trigger| trigger.task == *task);
+        has(&Task::Loop) || (has(&Task::Prior) && !(window_first && self.has_window()))
     }
 
     /// Whether a window is open.
-    pub(super) fn has_window(&self) -> bool {
+    fn has_window(&self) -> bool {
         self.open.values().any(|trigger| matches!(trigger.task, Task::Window(_)))
     }
 
@@ -139,22 +135,7 @@ impl Schedule {
 
     /// The marks that closing these triggers would reach, by client.
     pub(super) fn preview(&self, arrivals: &[u64]) -> Vec<(ClientIndex, i64)> {
-        let closed: BTreeSet<u64> = arrivals.iter().copied().collect();
-        let mut reached: BTreeMap<ClientIndex, BTreeSet<i64>> = BTreeMap::new();
-        for trigger in arrivals.iter().filter_map(|a| self.open.get(a)) {
-            reached
-                .entry(trigger.client)
-                .or_insert_with(|| self.done.get(&trigger.client).cloned().unwrap_or_default())
-                .insert(trigger.sequence);
-        }
-        reached
-            .into_iter()
-            .filter_map(|(client, done)| {
-                let open = self.open.iter().filter(|(a, _)| !closed.contains(a));
-                let open = open.filter(|(_, t)| t.client == client).map(|(_, t)| t.sequence);
-                Some((client, mark(&done, open.min())?))
-            })
-            .collect()
+        self.clone().close(arrivals)
     }
 
     /// Closes triggers and returns the new marks.
@@ -172,19 +153,14 @@ impl Schedule {
     fn advance(&mut self, client: ClientIndex) -> Option<i64> {
         let open = self.first_open(client);
         let done = self.done.get_mut(&client)?;
-        let mark = mark(done, open)?;
+        // The last sequence that is done before the first open one.
+        let mark = done.range(..open.unwrap_or(i64::MAX)).next_back().copied()?;
         done.retain(|&sequence| sequence > mark);
         if done.is_empty() {
             self.done.remove(&client);
         }
         Some(mark)
     }
-}
-
-/// The last sequence that is done before the first open one.
-fn mark(done: &BTreeSet<i64>, first_open: Option<i64>) -> Option<i64> {
-    let before = first_open.unwrap_or(i64::MAX);
-    done.range(..before).next_back().copied()
 }
 
 #[cfg(test)]

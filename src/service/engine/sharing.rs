@@ -51,27 +51,18 @@ impl Maps {
         .await
     }
 
-    /// Before a name is changed: opens its map where no server serves it.
+    /// Before a name is changed: its map, opened where no server serves it; `None` where the name is free.
     ///
     /// # Errors
     /// [`StoreError::OwnedElsewhere`] where another server does, and those of [`Maps::find`] but
     /// [`EngineError::MapNotFound`].
-    pub(super) async fn look_elsewhere(&self, name: &str) -> Result<(), EngineError> {
+    pub(super) async fn look_elsewhere(
+        &self,
+        name: &str,
+    ) -> Result<Option<MapHandle>, EngineError> {
         match self.find(name).await {
-            Ok(_) | Err(EngineError::MapNotFound { .. }) => Ok(()),
-            Err(error) => Err(error),
-        }
-    }
-
-    /// Whether a name is free.
-    ///
-    /// # Errors
-    /// [`EngineError::MapExists`], and those of [`Maps::find`] but [`EngineError::MapNotFound`].
-    pub(super) async fn check_free(&self, name: &str) -> Result<(), EngineError> {
-        match self.find(name).await {
-            Ok(_) => Err(EngineError::MapExists { map: name.to_owned() }),
-            Err(EngineError::MapNotFound { .. }) => Ok(()),
-            Err(error) => Err(error),
+            Err(EngineError::MapNotFound { .. }) => Ok(None),
+            found => found.map(Some),
         }
     }
 }

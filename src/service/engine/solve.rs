@@ -24,12 +24,11 @@ use covis_solvers::price::Ceiling;
 use covis_solvers::problem::SolveError;
 use covis_solvers::reconstruction;
 use covis_solvers::robust::{PositionJudging, VarianceFactors};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 use tracing::Span;
 
-use super::control::Reply;
 use super::measured_pairs::MeasuredPairs;
-use super::rebuilding::Rebuilt;
+use super::rebuilding::{Rebuilt, rebuild_map};
 use super::{Cancellation, EngineError};
 pub use crate::map::Gauge as GaugeKind;
 use crate::map::{
@@ -134,13 +133,13 @@ impl OptimizeCounts {
 /// An optimization that waits or runs.
 pub(super) struct Job {
     pub(super) options: OptimizeOptions,
-    pub(super) rows: mpsc::UnboundedSender<SolveStep>,
+    pub(super) steps: mpsc::UnboundedSender<SolveStep>,
     pub(super) cancellation: Arc<Cancellation>,
     /// What asks, where the event that applies the result is to say so.
     pub(super) request: Option<RequestId>,
     /// Span of the call that requested it.
     pub(super) span: Span,
-    pub(super) reply: Reply<Result<OptimizeOutcome, EngineError>>,
+    pub(super) reply: oneshot::Sender<Result<OptimizeOutcome, EngineError>>,
 }
 
 impl Job {
@@ -228,6 +227,31 @@ pub(super) struct Solution {
 /// `Ok(None)` when there was nothing to solve.
 pub(super) type Outcome = Result<Option<Solution>, SolveError>;
 
+/// Gets the steps of a solve of a whole map.
+pub(super) type Tell<'a> = dyn FnMut(SolveStep) + Send + 'a;
+
+/// A solve of the whole map, of the kind that `options` name.
+pub(super) fn solve_whole(
+    map: Arc<Map>,
+    pairs: &MeasuredPairs,
+    options: &OptimizeOptions,
+    tell: &mut Tell<'_>,
+    cancel: &Arc<AtomicBool>,
+) -> Outcome {
+    match options.problem {
+        OptimizeProblem::Full => solve_map(map, options, tell, cancel),
+        OptimizeProblem::Rebuild => rebuild_map(map, options, tell, cancel),
+        OptimizeProblem::PoseGraph { certify } => {
+            let outcome = solve_graph(map, pairs, options, certify, cancel);
+            if let Ok(Some(solution)) = &outcome {
+                let rows = &solution.certificate.solve.iterations;
+                rows.iter().for_each(|row| tell(SolveStep::Iteration(*row)));
+            }
+            outcome
+        }
+    }
+}
+
 /// Bundle adjustment of a window.
 pub(super) fn solve_window(
     problem: MapProblem,
@@ -236,28 +260,17 @@ pub(super) fn solve_window(
     cancel: &Arc<AtomicBool>,
 ) -> Outcome {
     let optimizer = optimizer::Options { max_iterations, ceiling, ..optimizer::Options::default() };
-    let options = bundle_adjustment::Options {
-        optimizer,
-        linear_solver: LinearSolver::Auto,
-        ..bundle_adjustment::Options::default()
-    };
-    let gauge = match () {
-        () if problem.problem.constant_poses.contains(&true) => GaugeKind::FixedPoses,
-        () if !(problem.problem.pose_priors.is_empty()
-            && problem.problem.position_priors.is_empty()) =>
-        {
-            GaugeKind::Priors
-        }
-        () => GaugeKind::Free,
-    };
-    solve_bundle(problem, &options, gauge, &interrupt(None, cancel), &mut ignore_iterations)
+    let options = OptimizeOptions { optimizer, ..OptimizeOptions::default() };
+    let is_held = problem.problem.constant_poses.contains(&true);
+    let gauge = if is_held { GaugeKind::FixedPoses } else { GaugeKind::Free };
+    solve_bundle(problem, &options, gauge, cancel, &mut ignore_iterations)
 }
 
 /// Bundle adjustment of the whole map.
 pub(super) fn solve_map(
     map: Arc<Map>,
     options: &OptimizeOptions,
-    rows: &mpsc::UnboundedSender<SolveStep>,
+    tell: &mut Tell<'_>,
     cancel: &Arc<AtomicBool>,
 ) -> Outcome {
     let gauge = options.gauge.unwrap_or(map.policy().gauge);
@@ -268,86 +281,47 @@ pub(super) fn solve_map(
     if let Some(loss) = options.constraint_loss {
         problem.problem.relative_pose_loss = loss;
     }
-    let bundle = bundle_adjustment::Options {
-        optimizer: options.optimizer,
-        linear_solver: options.linear_solver,
-        ..bundle_adjustment::Options::default()
-    };
-    let interrupt = interrupt(options.deadline, cancel);
-    let has_constant = problem.problem.constant_poses.contains(&true);
-    let has_priors =
-        !(problem.problem.pose_priors.is_empty() && problem.problem.position_priors.is_empty());
-    let gauge = used_gauge(gauge, has_constant, has_priors);
-    solve_bundle(problem, &bundle, gauge, &interrupt, &mut |row| {
-        // The receiver is gone when the caller went away; the solve is then canceled.
-        let _gone = rows.send(SolveStep::Iteration(*row));
+    solve_bundle(problem, options, gauge, cancel, &mut |row| {
+        tell(SolveStep::Iteration(*row));
         Control::Continue
     })
 }
 
-/// Pose-graph optimization after a loop closure.
-pub(super) fn solve_loop(
-    map: Arc<Map>,
-    pairs: &MeasuredPairs,
-    ceiling: Ceiling,
-    cancel: &Arc<AtomicBool>,
-) -> Outcome {
-    let optimizer = optimizer::Options { ceiling, ..optimizer::Options::default() };
-    let settings = GraphSettings { optimizer, ..GraphSettings::default() };
-    solve_graph(map, pairs, &settings, &interrupt(None, cancel))
-}
-
-/// Pose-graph optimization on request; `rows` gets the iterations of the last solve.
-pub(super) fn solve_map_graph(
-    map: Arc<Map>,
-    pairs: &MeasuredPairs,
-    options: &OptimizeOptions,
-    certify: bool,
-    rows: &mpsc::UnboundedSender<SolveStep>,
-    cancel: &Arc<AtomicBool>,
-) -> Outcome {
-    let OptimizeOptions { optimizer, constraint_loss, gauge, .. } = *options;
-    let settings = GraphSettings { optimizer, constraint_loss, gauge, certify };
-    let outcome = solve_graph(map, pairs, &settings, &interrupt(options.deadline, cancel));
-    if let Ok(Some(solution)) = &outcome {
-        for row in &solution.certificate.solve.iterations {
-            let _gone = rows.send(SolveStep::Iteration(*row));
-        }
-    }
-    outcome
-}
-
+/// Bundle adjustment of a problem that was built for `gauge`.
 fn solve_bundle(
     mut problem: MapProblem,
-    options: &bundle_adjustment::Options,
+    options: &OptimizeOptions,
     gauge: GaugeKind,
-    interrupt: &Interrupt,
+    cancel: &Arc<AtomicBool>,
     observer: &mut optimizer::Observer<'_>,
 ) -> Outcome {
     if !problem.is_solvable() {
         return Ok(None);
     }
-    let before = bundle_cost(&problem.problem);
-    let summary =
-        match bundle_adjustment::solve_until(&mut problem.problem, options, interrupt, observer) {
-            Ok(summary) => summary,
-            Err(SolveError::Empty(_)) => return Ok(None),
-            Err(error) => return Err(error),
-        };
-    let bundle = &problem.problem;
+    let bundle = &mut problem.problem;
+    let before = bundle_cost(bundle);
+    let OptimizeOptions { optimizer, linear_solver, deadline, .. } = *options;
+    let options = bundle_adjustment::Options { optimizer, linear_solver, ..Default::default() };
+    let interrupt = interrupt(deadline, cancel);
+    let summary = match bundle_adjustment::solve_until(bundle, &options, &interrupt, observer) {
+        Ok(summary) => summary,
+        Err(SolveError::Empty(_)) => return Ok(None),
+        Err(error) => return Err(error),
+    };
     if let Some(index) = bundle.cameras.iter().position(|camera| !is_valid_camera(camera)) {
         // The views do not determine its intrinsics.
         let id = problem.cameras.get(index).map_or(0, |camera| camera.id);
         return Err(SolveError::Singular { what: "intrinsics of camera", id });
     }
     let fixed_poses = bundle.constant_poses.iter().filter(|&&c| c).count();
+    let has_priors = !(bundle.pose_priors.is_empty() && bundle.position_priors.is_empty());
     let certificate = SolveCertificate {
         solve: summary.solve,
-        method: options.optimizer.method,
+        method: optimizer.method,
         linear_solver: SolverKind::Schur(summary.linear_solver),
         before,
         after: bundle_cost(bundle),
-        gauge,
+        gauge: used_gauge(gauge, fixed_poses > 0, has_priors),
         free_poses: bundle.poses.len() - fixed_poses,
         fixed_poses,
         free_landmarks: bundle.constant_landmarks.iter().filter(|&&c| !c).count(),
@@ -375,27 +349,19 @@ fn used_gauge(gauge: GaugeKind, has_constant: bool, has_priors: bool) -> GaugeKi
     }
 }
 
-/// How a pose graph is optimized.
-#[derive(Clone, Copy, Debug, Default)]
-struct GraphSettings {
-    optimizer: optimizer::Options,
-    /// `None` uses the policy's.
-    constraint_loss: Option<Loss>,
-    /// `None` uses the policy's.
-    gauge: Option<GaugeKind>,
-    certify: bool,
-}
-
-/// Pose-graph optimization, until `interrupt` is due.
+/// Pose-graph optimization.
 fn solve_graph(
     map: Arc<Map>,
     pairs: &MeasuredPairs,
-    settings: &GraphSettings,
-    interrupt: &Interrupt,
+    options: &OptimizeOptions,
+    certify: bool,
+    cancel: &Arc<AtomicBool>,
 ) -> Outcome {
-    let gauge = settings.gauge.unwrap_or(map.policy().gauge);
+    let OptimizeOptions { optimizer, constraint_loss, gauge, deadline, .. } = *options;
+    let interrupt = interrupt(deadline, cancel);
+    let gauge = gauge.unwrap_or(map.policy().gauge);
     let graph_pairs = GraphPairs::of(&map);
-    let motions = pairs.complete(&map, &graph_pairs, interrupt);
+    let motions = pairs.complete(&map, &graph_pairs, &interrupt);
     let mut problem = measured_graph(&map, gauge, &graph_pairs, &motions);
     drop((graph_pairs, motions));
     let robustness = map.policy().loop_closure_robustness;
@@ -408,10 +374,9 @@ fn solve_graph(
     if !problem.is_solvable() {
         return Ok(None);
     }
-    if let Some(loss) = settings.constraint_loss {
+    if let Some(loss) = constraint_loss {
         problem.graph.loss = loss;
     }
-    let optimizer = settings.optimizer;
     let judging = robustness.kernel.map(|kernel| Judging {
         kernel,
         threshold: robustness.threshold,
@@ -424,11 +389,10 @@ fn solve_graph(
     // solves made, are no part of it.
     let judges = judging.is_some();
     let start = if judges { Start::Odometry } else { Start::Given };
-    let certify = settings.certify;
     let options =
         graph_optimization::Options { start, judging, positions, certify, costs: true, optimizer };
     let rows = &mut ignore_iterations;
-    let solved = match optimize(&mut problem.graph, true, &options, interrupt, rows) {
+    let solved = match optimize(&mut problem.graph, true, &options, &interrupt, rows) {
         Ok(solved) => solved,
         Err(SolveError::Empty(_)) => return Ok(None),
         Err(error) => return Err(error),

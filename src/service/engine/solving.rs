@@ -17,11 +17,13 @@ use covis_solvers::{bundle_adjustment, optimizer};
 
 use super::actor::Actor;
 use super::handle::Shared;
-use super::pool::{SolvePanicked, SolverPool, Started};
-use super::rebuilding::rebuild_map;
+use super::pool::{Slot, SolvePanicked, SolverPool};
 use super::schedule::Schedule;
-use super::solve::{Job, Outcome, Solution, solve_loop, solve_map, solve_map_graph, solve_window};
-use super::{EngineError, Estimate, Fault, OptimizeOutcome, OptimizeProblem, SolveReport};
+use super::solve::{Job, Outcome, Solution, solve_whole, solve_window};
+use super::{
+    EngineError, Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, SolveReport,
+    SolveStep,
+};
 use crate::map::{
     Change, EntityId, Map, RequestId, SolveKind, SwitchedOff, applied, choose_window, local_problem,
 };
@@ -34,7 +36,6 @@ pub(super) struct Running {
     pub(super) is_job: bool,
     /// The triggers that it covers.
     pub(super) triggers: Vec<u64>,
-    work: Started<Outcome>,
 }
 
 /// The solves of a map.
@@ -42,7 +43,7 @@ pub(super) struct Solving {
     shared: Arc<Shared>,
     pool: Arc<SolverPool>,
     pub(super) schedule: Schedule,
-    running: Option<Running>,
+    pub(super) work: Slot<Outcome, Running>,
     /// The optimization that waits or runs.
     job: Option<Job>,
     last_id: i64,
@@ -53,23 +54,23 @@ pub(super) struct Solving {
 impl Solving {
     /// `last_id` is the number of the map's last solve.
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>, last_id: i64) -> Self {
+        let work = Slot::new(pool, &shared.account);
         let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
-        let (running, job, prior_went) = (None, None, false);
-        let schedule = Schedule::default();
-        Self { shared, pool, schedule, running, job, last_id, prior_went }
+        let (schedule, job, prior_went) = (Schedule::default(), None, false);
+        Self { shared, pool, schedule, work, job, last_id, prior_went }
     }
 
     /// Whether no solve runs or waits.
     pub(super) fn is_idle(&self) -> bool {
-        self.running.is_none() && self.schedule.is_empty() && self.job.is_none()
+        self.work.is_free() && self.schedule.is_empty() && self.job.is_none()
     }
 
     /// Whether a background task may start: what it does would be stale after a pose graph or a
     /// requested optimization. In lock-step everything else comes first.
     pub(super) fn leaves_room(&self, is_lock_step: bool) -> bool {
         let runs_window =
-            self.running.as_ref().is_none_or(|running| running.kind == SolveKind::LocalBundle);
-        let waits = self.schedule.has_loop() || self.schedule.has_prior() || self.job.is_some();
+            self.work.running().is_none_or(|running| running.kind == SolveKind::LocalBundle);
+        let waits = self.schedule.is_loop_due(false) || self.job.is_some();
         if is_lock_step { self.is_idle() } else { runs_window && !waits }
     }
 
@@ -80,13 +81,14 @@ impl Solving {
         map: &Arc<Map>,
         is_lock_step: bool,
     ) -> Option<Vec<u64>> {
-        while self.running.is_none() {
-            let is_due = self.schedule.has_loop()
-                || (self.schedule.has_prior() && !(self.prior_went && self.schedule.has_window()));
-            if is_due {
+        while self.work.is_free() {
+            if self.schedule.is_loop_due(self.prior_went) {
                 self.prior_went = true;
-                let loops = self.schedule.loops();
-                self.start_loop(map, loops);
+                let ceiling = self.shared.config.ceiling();
+                let optimizer = optimizer::Options { ceiling, ..optimizer::Options::default() };
+                let problem = OptimizeProblem::PoseGraph { certify: false };
+                let options = OptimizeOptions { optimizer, problem, ..Default::default() };
+                self.start_whole(map, options, false, Arc::default(), |_step| {});
             } else if self.job.is_some() && (!is_lock_step || self.schedule.is_empty()) {
                 self.start_job(map);
             } else {
@@ -101,53 +103,43 @@ impl Solving {
         None
     }
 
-    fn start_loop(&mut self, map: &Arc<Map>, triggers: Vec<u64>) {
-        let (map, ceiling) = (Arc::clone(map), self.shared.config.ceiling());
-        let max_iterations = optimizer::Options::default().max_iterations;
-        let estimate = Estimate::of_map(map.usage(), max_iterations, &ceiling);
-        let pairs = Arc::clone(&self.shared.pairs);
-        self.launch(SolveKind::PoseGraph, estimate, triggers, None, move |cancel| {
-            solve_loop(map, &pairs, ceiling, cancel)
-        });
-    }
-
     fn start_job(&mut self, map: &Arc<Map>) {
         if let Some(job) = self.job.take_if(|job| job.is_canceled()) {
             return job.answer(Err(EngineError::Cancelled { map: self.shared.name.clone() }));
         }
         let Some(job) = &self.job else { return };
         let _entered = job.span.clone().entered();
-        let (mut options, rows) = (job.options, job.rows.clone());
-        let cancel = Some(Arc::clone(job.cancellation.flag()));
+        let (mut options, steps) = (job.options, job.steps.clone());
+        let cancel = Arc::clone(job.cancellation.flag());
         options.optimizer.ceiling = self.shared.config.ceiling();
-        let map = Arc::clone(map);
+        self.start_whole(map, options, true, cancel, move |step| {
+            // The receiver is gone when the caller went away; the solve is then canceled.
+            let _gone = steps.send(step);
+        });
+    }
+
+    /// Starts a solve of the whole map, which tells its steps to `tell`.
+    fn start_whole(
+        &mut self,
+        map: &Arc<Map>,
+        options: OptimizeOptions,
+        is_job: bool,
+        cancel: Arc<AtomicBool>,
+        mut tell: impl FnMut(SolveStep) + Send + 'static,
+    ) {
+        let (kind, triggers) = match options.problem {
+            OptimizeProblem::Full | OptimizeProblem::Rebuild => {
+                (SolveKind::Global, self.schedule.all())
+            }
+            // Covers no windows: a pose graph moves no landmark relative to its keyframes.
+            OptimizeProblem::PoseGraph { .. } => (SolveKind::PoseGraph, self.schedule.loops()),
+        };
         let optimizer = &options.optimizer;
         let estimate = Estimate::of_map(map.usage(), optimizer.max_iterations, &optimizer.ceiling);
-        match options.problem {
-            OptimizeProblem::Full => {
-                let triggers = self.schedule.all();
-                self.launch(SolveKind::Global, estimate, triggers, cancel, move |cancel| {
-                    solve_map(map, &options, &rows, cancel)
-                });
-            }
-            OptimizeProblem::Rebuild => {
-                let triggers = self.schedule.all();
-                self.launch(SolveKind::Global, estimate, triggers, cancel, move |cancel| {
-                    rebuild_map(map, &options, &rows, cancel)
-                });
-            }
-            OptimizeProblem::PoseGraph { certify } => {
-                // Covers no windows: a pose graph moves no landmark relative to its keyframes.
-                let loops = self.schedule.loops();
-                let pairs = Arc::clone(&self.shared.pairs);
-                self.launch(SolveKind::PoseGraph, estimate, loops, cancel, move |cancel| {
-                    solve_map_graph(map, &pairs, &options, certify, &rows, cancel)
-                });
-            }
-        }
-        if let Some(running) = &mut self.running {
-            running.is_job = true;
-        }
+        let (map, pairs) = (Arc::clone(map), Arc::clone(&self.shared.pairs));
+        self.launch(kind, is_job, triggers, estimate, cancel, move |cancel| {
+            solve_whole(map, &pairs, &options, &mut tell, cancel)
+        });
     }
 
     /// Returns the window's triggers if there is nothing to solve.
@@ -178,7 +170,8 @@ impl Solving {
         let triggers = self.schedule.within(&keyframes, &free);
         let Some(estimate) = estimate else { return Some(triggers) };
         let pairs = Arc::clone(&self.shared.pairs);
-        self.launch(SolveKind::LocalBundle, estimate, triggers, None, move |cancel| {
+        let cancel = Arc::default();
+        self.launch(SolveKind::LocalBundle, false, triggers, estimate, cancel, move |cancel| {
             pairs.measure(unmeasured);
             solve_window(problem, max_iterations, ceiling, cancel)
         });
@@ -188,9 +181,10 @@ impl Solving {
     fn launch(
         &mut self,
         kind: SolveKind,
-        estimate: Estimate,
+        is_job: bool,
         triggers: Vec<u64>,
-        cancel: Option<Arc<AtomicBool>>,
+        estimate: Estimate,
+        cancel: Arc<AtomicBool>,
         work: impl FnOnce(&Arc<AtomicBool>) -> Outcome + Send + 'static,
     ) {
         self.last_id += 1;
@@ -198,26 +192,22 @@ impl Solving {
         let span = tracing::debug_span!("solve", map = %shared.name, solve = id, ?kind);
         let queued = shared.meters.solve(kind);
         let panics = shared.config.injects(Fault::PanicInSolve);
-        let cancel = cancel.unwrap_or_default();
-        let flag = Arc::clone(&cancel);
-        let answer = self.pool.start(&shared.account, estimate, move || {
+        let running = Running { id, kind, is_job, triggers };
+        self.work.start(running, estimate, cancel, move |cancel| {
             let _entered = span.entered();
-            let started = queued.started();
-            if panics {
-                std::panic::panic_any("staged by a test");
-            }
-            started.ended(work(&flag))
+            queued.solve(|| {
+                if panics {
+                    std::panic::panic_any("staged by a test");
+                }
+                work(cancel)
+            })
         });
-        let work = Started::new(cancel, answer);
-        self.running = Some(Running { id, kind, is_job: false, triggers, work });
     }
 
     /// Drops the result of a window that is being solved; the window is solved again later.
     pub(super) fn supersede_window(&mut self) {
-        if let Some(running) = &mut self.running
-            && running.kind == SolveKind::LocalBundle
-        {
-            running.work.drop_result();
+        if self.work.running().is_some_and(|running| running.kind == SolveKind::LocalBundle) {
+            self.work.cancel();
         }
     }
 
@@ -231,29 +221,6 @@ impl Solving {
         if !is_lock_step {
             self.supersede_window();
         }
-    }
-
-    /// Resolves when the running solve has ended; never if none runs.
-    pub(super) async fn ended(&mut self) -> Result<Outcome, SolvePanicked> {
-        Started::ended(self.running.as_mut().map(|running| &mut running.work)).await
-    }
-
-    /// The solve that has ended with `outcome`; `None` if its result is dropped.
-    ///
-    /// # Errors
-    /// [`SolvePanicked`].
-    pub(super) fn take_ended(
-        &mut self,
-        outcome: Result<Outcome, SolvePanicked>,
-    ) -> Result<Option<(Running, Outcome)>, SolvePanicked> {
-        let Some(running) = self.running.take() else { return Ok(None) };
-        let outcome = outcome.inspect_err(|_| self.shared.meters.solve_panics.increment())?;
-        if running.work.is_stale() {
-            self.shared.meters.superseded.increment();
-            self.pool.discard(outcome);
-            return Ok(None);
-        }
-        Ok(Some((running, outcome)))
     }
 
     /// Whether the requested optimization may take effect: it was not canceled, and from here on
@@ -278,17 +245,13 @@ impl Solving {
     /// Drops the results of the running solve and ends a requested optimization with `error`. The
     /// items that the running solve covers wait for a later one.
     pub(super) fn pause(&mut self, error: &EngineError) {
-        if let Some(running) = &mut self.running {
-            running.work.drop_result();
-        }
+        self.work.cancel();
         self.answer_job(Err(error.clone()));
     }
 
     /// Cancels every running or waiting solve.
     pub(super) fn cancel(&mut self, error: &EngineError) {
-        if let Some(mut running) = self.running.take() {
-            running.work.drop_result();
-        }
+        self.work.forget();
         self.answer_job(Err(error.clone()));
         self.schedule.clear();
     }
@@ -313,15 +276,12 @@ impl Actor {
     }
 
     /// Handles the end of the running solve.
-    pub(super) async fn solved(&mut self, outcome: Result<Outcome, SolvePanicked>) {
-        let (running, outcome) = match self.solving.take_ended(outcome) {
-            Ok(Some(ended)) => ended,
-            Ok(None) => return,
-            Err(panicked) => {
-                self.poison(&panicked.message);
-                return;
-            }
-        };
+    pub(super) async fn solved(
+        &mut self,
+        ended: Result<(Running, Option<Outcome>), SolvePanicked>,
+    ) {
+        let Some((running, outcome)) = self.unless_panicked(ended) else { return };
+        let Some(outcome) = outcome else { return self.shared.meters.superseded.increment() };
         let (id, map) = (running.id, self.shared.name.clone());
         let answer = match (outcome, running.is_job) {
             (outcome, true) if !self.solving.commits_job() => {

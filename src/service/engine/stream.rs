@@ -208,7 +208,6 @@ pub struct ItemSender {
     pub(super) handle: MapHandle,
     pub(super) client: ClientIndex,
     pub(super) epoch: i64,
-    pub(super) durable: bool,
     pub(super) events: mpsc::Sender<StreamEvent>,
     pub(super) ended: watch::Receiver<Option<EngineError>>,
     pub(super) finished: bool,
@@ -225,7 +224,7 @@ impl ItemSender {
         let arrived = Instant::now();
         let permit = || self.permit(sequence, arrived);
         let receipt = permit().await?;
-        let durable = if self.durable { Some(permit().await?) } else { None };
+        let durable = if self.handle.shared.is_durable() { Some(permit().await?) } else { None };
         let optimized = if may_start_solve(&item) { Some(permit().await?) } else { None };
         let item = QueuedItem { sequence, digest, item, receipt, durable, optimized };
         self.queue(Body::Item(Box::new(item))).await

@@ -4,13 +4,40 @@
 //! and drops the result of the running solve; the items that wait for solves keep their places, so
 //! that they are solved once the map is open again. What the map holds is not changed here.
 
+use std::fmt;
 use std::sync::atomic::Ordering;
 
 use super::EngineError;
 use super::actor::Actor;
-use super::control::MapUpdate;
 use super::handle::MapInfo;
-use crate::map::Change;
+use crate::map::{Change, MapPolicy};
+
+/// A requested change of a map's name, policy or state; what is `None` stays as it is.
+#[derive(Default)]
+pub struct MapUpdate {
+    /// The new free text for people.
+    pub display_name: Option<String>,
+    /// Computes the new policy from the present one.
+    pub policy: Option<PolicyUpdate>,
+    /// Whether the map is to be frozen.
+    pub frozen: Option<bool>,
+    /// The change is made only at this revision.
+    pub expected_revision: Option<i64>,
+}
+
+/// Computes a policy from the present one.
+pub type PolicyUpdate = Box<dyn FnOnce(&MapPolicy) -> MapPolicy + Send>;
+
+impl fmt::Debug for MapUpdate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { display_name, policy: _, frozen, expected_revision } = self;
+        f.debug_struct("MapUpdate")
+            .field("display_name", display_name)
+            .field("frozen", frozen)
+            .field("expected_revision", expected_revision)
+            .finish_non_exhaustive()
+    }
+}
 
 impl Actor {
     /// Makes a requested change and returns the map after it.

@@ -31,8 +31,8 @@ const LEAST_BYTES: u64 = 4 << 20;
 /// A step of a watched map.
 #[derive(Clone, Debug)]
 pub struct MapChange {
-    /// Whether the reader must drop what it has, because too many ids were touched. Then `touched`
-    /// is not valid, and the snapshot is the full state.
+    /// Whether the reader must drop what it has: it begins, or too many ids were touched. Then
+    /// `touched` is not valid, and the snapshot is the full state.
     pub reset: bool,
     /// The revision before the step.
     pub base_revision: i64,
@@ -92,15 +92,11 @@ pub(super) fn most_touched(map: &Map) -> usize {
 /// A watched map.
 #[derive(Debug)]
 pub struct Watch {
-    /// The full state at the start; `None` when the reader continues from a revision that it has.
-    pub reset: Option<Arc<Map>>,
-    /// The revision that the first change starts from.
-    pub base_revision: i64,
-    /// The map's state at the start.
-    pub state: MapState,
     handle: MapHandle,
     log: LogReader,
     signal: watch::Receiver<()>,
+    /// Most bytes of the journal that are read for what was missed: about the cost of the full state.
+    most_bytes: u64,
     /// The ids gathered so far for the next change.
     gathered: Gathered,
     /// Whether ids of landmarks are gathered.
@@ -118,7 +114,8 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// A watch of `map`, whose changes are in `log` from now on.
+    /// A watch of `map`, whose changes are in `log` from now on. Its first step is the full state, unless
+    /// [`Watch::resume_from`] finds what came since an earlier one.
     pub(super) fn new(
         handle: MapHandle,
         map: &Map,
@@ -127,18 +124,17 @@ impl Watch {
         signal: watch::Receiver<()>,
         place: [Reservation; 2],
     ) -> Self {
-        let revision = map.revision();
+        let mut gathered = Gathered::new(most_touched(map));
+        gathered.reset();
         Self {
-            reset: None,
-            base_revision: revision,
-            state,
             log,
             signal,
-            gathered: Gathered::new(most_touched(map)),
+            most_bytes: map.usage().bytes.max(LEAST_BYTES),
+            gathered,
             with_landmarks: true,
             opened: BTreeSet::new(),
-            sent: (revision, state),
-            due: false,
+            sent: (map.revision(), state),
+            due: true,
             pending: None,
             _place: place,
             _open: handle.shared.meters.watchers.hold(),
@@ -232,23 +228,19 @@ impl Watch {
     }
 
     /// Continues from `revision`, which the reader has. The changes between it and the start are
-    /// read from the journal, without the engine. If that is not possible, the watch begins with a
-    /// reset.
-    pub(super) async fn resume_from(
-        &mut self,
-        revision: i64,
-        past: Past,
-    ) -> Result<(), EngineError> {
+    /// read from the journal, without the engine. If that is not possible, the watch begins with the
+    /// full state.
+    pub(super) async fn resume_from(&mut self, revision: i64) {
         let through = self.log.at();
-        self.base_revision = revision;
         self.sent.0 = revision;
+        self.gathered.reset = false;
         if revision >= through {
-            return Ok(());
+            return;
         }
-        self.due = true;
         let handle = self.handle.clone();
+        let (most, most_bytes) = (self.gathered.most, self.most_bytes);
         let read = tokio::select! {
-            read = read(&handle, revision, through, &past) => read,
+            read = read(&handle, revision, through, most, most_bytes) => read,
             () = self.gather() => None,
         };
         match read {
@@ -258,50 +250,30 @@ impl Watch {
             }
             None => self.gathered.reset(),
         }
-        if !self.gathered.reset {
-            return Ok(());
-        }
-        let info = self.handle.info().await?;
-        (self.base_revision, self.state) = (info.snapshot.revision(), info.state);
-        self.sent = (self.base_revision, self.state);
-        self.fold(self.base_revision).await;
-        self.gathered = Gathered::new(most_touched(&info.snapshot));
-        self.reset = Some(info.snapshot);
-        Ok(())
-    }
-}
-
-/// Limits of the history that is read: about the cost of the full state.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Past {
-    /// Most events, and most ids that they touched.
-    entities: usize,
-    /// Most bytes of the journal.
-    bytes: u64,
-}
-
-impl Past {
-    /// The bounds for `map`.
-    pub(super) fn of(map: &Map) -> Self {
-        let entities = most_touched(map);
-        Self { entities, bytes: map.usage().bytes.max(LEAST_BYTES) }
     }
 }
 
 /// What was touched, and the names of the clients that opened streams.
 type History = (Touched, BTreeSet<String>);
 
-/// Reads the events after `from` up to `through`. `None` if the full state is cheaper, or if the
-/// events do not name everything that changed: then the reader needs the full state.
-async fn read(handle: &MapHandle, from: i64, through: i64, past: &Past) -> Option<History> {
+/// Reads the events after `from` up to `through`. `None` if the full state is cheaper, because they are
+/// more events or ids than `most` or more than `most_bytes`, or if the events do not name everything
+/// that changed: then the reader needs the full state.
+async fn read(
+    handle: &MapHandle,
+    from: i64,
+    through: i64,
+    most: usize,
+    most_bytes: u64,
+) -> Option<History> {
     let events = usize::try_from(through.saturating_sub(from)).unwrap_or(usize::MAX);
-    if events > past.entities {
+    if events > most {
         return None;
     }
     let turn = handle.shared.history.acquire().await;
     // The semaphore is never closed.
     let _turn = turn.ok()?;
-    match pieces(handle, from, through, past).await {
+    match pieces(handle, from, through, most, most_bytes).await {
         Ok(history) => history,
         Err(EngineError::Store(StoreError::Truncated { .. })) => None,
         Err(error) => {
@@ -315,11 +287,12 @@ async fn pieces(
     handle: &MapHandle,
     from: i64,
     through: i64,
-    past: &Past,
+    most: usize,
+    most_bytes: u64,
 ) -> Result<Option<History>, EngineError> {
     let (store, name) = (&handle.shared.store, &handle.shared.name);
     let mut reader = store.reader(name, sequence_of(from), sequence_of(through)).await?;
-    let mut gathered = Gathered::new(past.entities);
+    let mut gathered = Gathered::new(most);
     let (mut opened, mut bytes, mut last) = (BTreeSet::new(), 0, from);
     loop {
         let piece = reader.next().await?;
@@ -327,7 +300,7 @@ async fn pieces(
         last = end.revision;
         bytes += piece.bytes;
         let is_known = piece.events.iter().all(|event| add(event, &mut gathered, &mut opened));
-        if !is_known || gathered.reset || bytes > past.bytes {
+        if !is_known || gathered.reset || bytes > most_bytes {
             return Ok(None);
         }
         // Lets other tasks run, above all the engine.

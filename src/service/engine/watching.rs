@@ -25,35 +25,8 @@ const MOST_TAKEN: usize = 64;
 #[derive(Default)]
 pub(super) struct Watching {
     signal: watch::Sender<()>,
-    log: WatchLog,
+    log: Arc<Mutex<Entries>>,
 }
-
-impl Watching {
-    /// Adds a watcher of a map at `revision`: its place in the log, and the signal that wakes it.
-    pub(super) fn open(&self, revision: i64) -> (LogReader, watch::Receiver<()>) {
-        (self.log.reader(revision), self.signal.subscribe())
-    }
-
-    /// Whether there are watchers.
-    pub(super) fn is_watched(&self) -> bool {
-        self.log.is_read()
-    }
-
-    /// Logs what the next event touches; `map` is the map before it.
-    pub(super) fn tell(&self, touched: Touched, map: &Map) {
-        let most = most_touched(map) + touched.len();
-        self.log.push(map.revision().saturating_add(1), touched, most);
-    }
-
-    /// Wakes the watchers: the map or its state has changed.
-    pub(super) fn wake(&self) {
-        self.signal.send_replace(());
-    }
-}
-
-/// The log of a map. Cheap to clone.
-#[derive(Clone, Debug, Default)]
-struct WatchLog(Arc<Mutex<Entries>>);
 
 #[derive(Debug, Default)]
 struct Entries {
@@ -69,15 +42,32 @@ struct Entries {
     readers: BTreeMap<i64, usize>,
 }
 
-impl WatchLog {
-    /// Whether the log has a reader.
-    fn is_read(&self) -> bool {
-        !self.0.lock().readers.is_empty()
+impl Watching {
+    /// Adds a watcher of a map at `revision`: its place in the log, and the signal that wakes it.
+    pub(super) fn open(&self, revision: i64) -> (LogReader, watch::Receiver<()>) {
+        let mut entries = self.log.lock();
+        if entries.readers.is_empty() {
+            entries.newest = revision;
+        }
+        *entries.readers.entry(revision).or_default() += 1;
+        drop(entries);
+        (LogReader { log: Arc::clone(&self.log), at: revision }, self.signal.subscribe())
+    }
+
+    /// Whether there are watchers.
+    pub(super) fn is_watched(&self) -> bool {
+        !self.log.lock().readers.is_empty()
+    }
+
+    /// Logs what the next event touches; `map` is the map before it.
+    pub(super) fn tell(&self, touched: Touched, map: &Map) {
+        let most = most_touched(map) + touched.len();
+        self.push(map.revision().saturating_add(1), touched, most);
     }
 
     /// Adds what the event of `revision` touches; a watcher now keeps up to `most` ids.
     fn push(&self, revision: i64, touched: Touched, most: usize) {
-        let mut entries = self.0.lock();
+        let mut entries = self.log.lock();
         entries.most = most;
         let gone = entries.push(revision, Arc::new(touched));
         drop(entries);
@@ -85,15 +75,9 @@ impl WatchLog {
         drop(gone);
     }
 
-    /// Adds a reader that starts after `revision`, which is the map's.
-    fn reader(&self, revision: i64) -> LogReader {
-        let mut entries = self.0.lock();
-        if entries.readers.is_empty() {
-            entries.newest = revision;
-        }
-        *entries.readers.entry(revision).or_default() += 1;
-        drop(entries);
-        LogReader { log: self.clone(), at: revision }
+    /// Wakes the watchers: the map or its state has changed.
+    pub(super) fn wake(&self) {
+        self.signal.send_replace(());
     }
 }
 
@@ -159,7 +143,7 @@ pub(super) enum Taken {
 /// A watcher's position in the log; dropping it removes the watcher.
 #[derive(Debug)]
 pub(super) struct LogReader {
-    log: WatchLog,
+    log: Arc<Mutex<Entries>>,
     at: i64,
 }
 
@@ -171,7 +155,7 @@ impl LogReader {
 
     /// Takes some of the next entries, up to that of revision `through`.
     pub(super) fn take(&mut self, through: i64) -> Taken {
-        let mut entries = self.log.0.lock();
+        let mut entries = self.log.lock();
         let through = through.min(entries.newest);
         if self.at >= through {
             return Taken::Nothing;
@@ -197,7 +181,7 @@ impl LogReader {
 
 impl Drop for LogReader {
     fn drop(&mut self) {
-        let _gone = self.log.0.lock().read(self.at, None);
+        let _gone = self.log.lock().read(self.at, None);
     }
 }
 
@@ -213,8 +197,8 @@ mod tests {
     }
 
     /// Entries and ids that are kept.
-    fn kept(log: &WatchLog) -> (usize, usize) {
-        let entries = log.0.lock();
+    fn kept(watching: &Watching) -> (usize, usize) {
+        let entries = watching.log.lock();
         (entries.touched.len(), entries.ids)
     }
 
@@ -231,16 +215,16 @@ mod tests {
 
     #[test]
     fn without_watchers_nothing_is_kept() {
-        let log = WatchLog::default();
+        let log = Watching::default();
         log.push(1, touched(3), 0);
-        assert!(!log.is_read());
+        assert!(!log.is_watched());
         assert_eq!(kept(&log), (0, 0));
     }
 
     #[test]
     fn an_entry_is_kept_once_and_until_every_watcher_has_it() {
-        let log = WatchLog::default();
-        let (mut fast, mut slow) = (log.reader(7), log.reader(7));
+        let log = Watching::default();
+        let (mut fast, mut slow) = (log.open(7).0, log.open(7).0);
         (8..108).for_each(|revision| log.push(revision, touched(2), 0));
         assert_eq!(count(&mut fast), Some(100));
         assert_eq!(kept(&log), (100, 300));
@@ -249,16 +233,16 @@ mod tests {
         log.push(108, touched(2), 0);
         assert_eq!(count(&mut fast), Some(1));
         drop(slow);
-        assert!(log.is_read());
+        assert!(log.is_watched());
         assert_eq!(kept(&log), (0, 0));
         drop(fast);
-        assert!(!log.is_read());
+        assert!(!log.is_watched());
     }
 
     #[test]
     fn what_is_kept_for_a_watcher_that_does_not_read_has_an_end() {
-        let log = WatchLog::default();
-        let (mut fast, mut stuck) = (log.reader(0), log.reader(0));
+        let log = Watching::default();
+        let (mut fast, mut stuck) = (log.open(0).0, log.open(0).0);
         for revision in 1..=200 {
             log.push(revision, touched(1000), 0);
             assert_eq!(count(&mut fast), Some(1));

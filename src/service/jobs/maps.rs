@@ -86,7 +86,7 @@ async fn solved(
             return Ok(SolvedMap::Before(applied));
         }
         run.phase(phase);
-        let (progress, mut steps) = mpsc::channel(16);
+        let (progress, mut steps) = mpsc::unbounded_channel();
         let telling = async {
             while let Some(step) = steps.recv().await {
                 on_step(step);

@@ -20,7 +20,7 @@ pub(in crate::service) struct JobMeters {
 
 impl Default for JobMeters {
     fn default() -> Self {
-        let (running_ns, waiting_ns) = (Histogram::of_durations(), Histogram::of_durations());
+        let (running_ns, waiting_ns) = (Histogram::default(), Histogram::default());
         // A row for each from the start, so that no alert waits for one that is not there yet.
         let states = [JobState::Succeeded, JobState::Failed, JobState::Cancelled];
         let rows = KINDS.into_iter().flat_map(|kind| states.map(|state| ((kind, name(state)), 0)));

@@ -20,7 +20,7 @@ use super::uploads::number;
 use super::{Context, JobError, maps, problems, spec};
 use crate::service::access::Caller;
 use crate::service::convert::time::timestamp;
-use crate::service::engine::EngineError;
+use crate::service::engine::{EngineError, panic_message};
 use crate::service::error::ServiceError;
 use crate::store::{JobFile, JobFiles, StoreError};
 use crate::wire::v1;
@@ -207,9 +207,7 @@ pub(super) async fn run(context: &Arc<Context>, entry: &Arc<Entry>) {
         biased;
         () = entry.cancellation.canceled() => None,
         outcome = work => Some(outcome.unwrap_or_else(|panic| {
-            let message = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-            let message = message.or_else(|| panic.downcast_ref::<String>().cloned());
-            let message = message.unwrap_or_else(|| "a panic without a message".to_owned());
+            let message = panic_message(panic.as_ref());
             Err(ServiceError::Panicked { message: format!("a job: {message}") })
         })),
     };

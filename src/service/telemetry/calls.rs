@@ -58,7 +58,7 @@ pub(super) struct CallMeter {
 
 impl CallMeter {
     fn new() -> Arc<Self> {
-        Arc::new(Self { codes: Default::default(), duration_ns: Histogram::of_durations() })
+        Arc::new(Self { codes: Default::default(), duration_ns: Histogram::default() })
     }
 
     /// The codes that occurred, with the number of calls that ended with each.

@@ -148,27 +148,27 @@ fn items(text: &mut Text, engine: &EngineMeters) {
 
 fn solves(text: &mut Text, engine: &EngineMeters) {
     let mut family = text.counter("covis_solves_total", "Solves by kind and termination.");
-    for solve in &engine.solves {
+    for (kind, solve) in engine.solves() {
         for (end, count) in solve.ends().filter(|(_, count)| count.get() > 0) {
-            family.row(&[("kind", solve.kind), ("termination", end)], count.get());
+            family.row(&[("kind", kind), ("termination", end)], count.get());
         }
     }
     let mut family = text.histogram("covis_solve_duration_seconds", "How long solves ran.");
-    for solve in &engine.solves {
-        family.seconds(&[("kind", solve.kind)], &solve.running_ns);
+    for (kind, solve) in engine.solves() {
+        family.seconds(&[("kind", kind)], &solve.running_ns);
     }
     let help = "How long solves waited for a thread of the pool.";
     let mut family = text.histogram("covis_solve_wait_seconds", help);
-    for solve in &engine.solves {
-        family.seconds(&[("kind", solve.kind)], &solve.waiting_ns);
+    for (kind, solve) in engine.solves() {
+        family.seconds(&[("kind", kind)], &solve.waiting_ns);
     }
     let mut family = text.gauge("covis_solves_running", "Solves that run.");
-    for solve in &engine.solves {
-        family.row(&[("kind", solve.kind)], solve.running.get());
+    for (kind, solve) in engine.solves() {
+        family.row(&[("kind", kind)], solve.running.get());
     }
     let mut family = text.gauge("covis_solves_waiting", "Solves that wait for a thread.");
-    for solve in &engine.solves {
-        family.row(&[("kind", solve.kind)], solve.waiting.get());
+    for (kind, solve) in engine.solves() {
+        family.row(&[("kind", kind)], solve.waiting.get());
     }
     let help = "Local solves whose result was dropped for a loop closure or an optimization.";
     text.counter("covis_solves_superseded_total", help).row(&[], engine.superseded.get());

@@ -12,14 +12,15 @@ async fn check_poisoned(fixture: &Fixture) {
     let poisoned = EngineError::Poisoned { map: "house".to_owned() };
     let refused = map.open_stream("robot".to_owned(), 0, false).await;
     assert_eq!(refused.unwrap_err(), poisoned);
-    let (progress, _rows) = mpsc::channel(1);
+    let (progress, _rows) = mpsc::unbounded_channel();
     let refused = map.optimize(OptimizeOptions::default(), progress).await;
     assert_eq!(refused.unwrap_err(), poisoned);
     let info = map.info().await.unwrap();
     assert_eq!(info.state, MapState::Poisoned);
     // Reads go on, watching too, and other maps do not notice.
-    let watch = map.watch(None).await.unwrap();
-    assert_eq!(watch.reset.unwrap().state_hash(), info.snapshot.state_hash());
+    let mut watch = map.watch(None).await.unwrap();
+    let whole = watch.next().await.unwrap();
+    assert_eq!(whole.snapshot.state_hash(), info.snapshot.state_hash());
     fixture.maps.create("other", "", MapPolicy::default()).await.unwrap();
     let other = fixture.maps.get("other").unwrap();
     Client::open(&other).await;
@@ -51,7 +52,7 @@ async fn a_panic_in_an_optimization_is_answered_as_a_bug() {
     let mut client = Client::open(&map).await;
     client.send_street(0..2).await;
     client.finish().await;
-    let (progress, _rows) = mpsc::channel(1);
+    let (progress, _rows) = mpsc::unbounded_channel();
     let outcome = map.optimize(OptimizeOptions::default(), progress).await;
     assert!(matches!(outcome, Err(EngineError::Bug { .. })), "{outcome:?}");
     check_poisoned(&fixture).await;

@@ -121,10 +121,10 @@ async fn durable_is_sent_when_the_journal_is_durable_and_a_failure_ends_it() {
     let ack = client.ack().await;
     assert!(ack.sequence == 2 && matches!(ack.status, AckStatus::Durable), "{ack:?}");
     // A watcher is told what is durable.
-    assert_eq!(map.watch(None).await.unwrap().reset.unwrap().revision(), 4);
+    assert_eq!(map.watch(None).await.unwrap().next().await.unwrap().revision, 4);
     client.send(crate::map_support::camera_item(2)).await;
     assert_eq!(client.ack().await.sequence, 3);
-    let watching = map.watch(None);
+    let mut watch = map.watch(None).await.unwrap();
     let (name, cause) = ("house".to_owned(), "staged by a test".to_owned());
     let stopped = StoreError::Stopped { map: name, durable: 4, cause };
     flushed.send_replace(Flushed {
@@ -133,7 +133,7 @@ async fn durable_is_sent_when_the_journal_is_durable_and_a_failure_ends_it() {
         ..Flushed::default()
     });
     let stopped = EngineError::Store(stopped);
-    assert_eq!(watching.await.unwrap_err(), stopped);
+    assert_eq!(watch.next().await.unwrap_err(), stopped);
     assert_eq!(client.end().await, stopped);
     let acks = client.seen.iter().filter(|ack| matches!(ack.status, AckStatus::Durable));
     assert!(acks.count() <= 1, "{:?}", client.seen);

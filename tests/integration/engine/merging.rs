@@ -225,6 +225,7 @@ async fn a_watcher_gets_the_full_state_when_a_map_leaves() {
     let store = HeldStore::new();
     let maps = merged(&store).await;
     let mut watch = maps.get("floor").unwrap().watch(None).await.unwrap();
+    assert!(watch.next().await.unwrap().reset);
     store.release(1);
     maps.undo_merge("floor", "run").await.unwrap();
     let mut has_reset = false;

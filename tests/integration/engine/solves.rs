@@ -1,10 +1,11 @@
 //! Solves beside the stream: coalesced, superseded, in lock-step, on request.
 
 use covis::map::{ConstraintKind, EntityRef, Item, ItemLandmark, Map, MapPolicy, SolveKind};
-use covis::service::engine::{AckStatus, EngineConfig, EngineError, OptimizeOptions, SolveReport};
+use covis::service::engine::{
+    AckStatus, EngineConfig, EngineError, OptimizeOptions, SolveReport, SolveStep,
+};
 use covis::store::Store;
 use covis_solvers::geometry::{LieGroup, Se3};
-use covis_solvers::optimizer::IterationSummary;
 use futures_util::FutureExt;
 use tokio::sync::mpsc;
 
@@ -124,10 +125,10 @@ async fn lock_step_run(threads: usize) -> ([u8; 32], Vec<(i64, i64)>, u64) {
     client.send(closure(1, 0, 9)).await;
     client.send(noisy_keyframe(10)).await;
     let acks = client.finish().await;
-    let (progress, mut rows) = mpsc::channel::<IterationSummary>(4);
+    let (progress, mut rows) = mpsc::unbounded_channel();
     let reading = tokio::spawn(async move {
         let mut costs = Vec::new();
-        while let Some(row) = rows.recv().await {
+        while let Some(SolveStep::Iteration(row)) = rows.recv().await {
             costs.push(row.cost);
         }
         costs
@@ -197,11 +198,11 @@ async fn a_canceled_optimization_leaves_the_map_as_it_was() {
     client.finish().await;
     let before = map.snapshot().await.unwrap();
     let blocker = Occupied::new(fixture.maps.pool()).await;
-    let (progress, rows) = mpsc::channel(1);
+    let (progress, rows) = mpsc::unbounded_channel();
     let mut running = Box::pin(map.optimize(OptimizeOptions::default(), progress));
     // Polled once, so that its request comes before the second one.
     assert!((&mut running).now_or_never().is_none());
-    let (progress, _rows) = mpsc::channel(1);
+    let (progress, _rows) = mpsc::unbounded_channel();
     let refused = map.optimize(OptimizeOptions::default(), progress).await.unwrap_err();
     assert_eq!(refused, EngineError::OptimizationRunning { map: "house".to_owned() });
     drop(rows);
@@ -222,10 +223,10 @@ async fn keyframes_that_arrive_during_an_optimization_are_carried_along() {
     client.send_street(0..4).await;
     client.received(5).await;
     let blocker = Occupied::new(fixture.maps.pool()).await;
-    let (progress, mut rows) = mpsc::channel(64);
+    let (progress, mut rows) = mpsc::unbounded_channel();
     let mut optimizing = Box::pin(map.optimize(OptimizeOptions::default(), progress));
     assert!((&mut optimizing).now_or_never().is_none());
-    // The engine takes control messages before items.
+    // The engine takes requests before items.
     let sequence = client.send(noisy_keyframe(4)).await;
     client.received(sequence).await;
     let start = map.snapshot().await.unwrap();
@@ -244,7 +245,7 @@ async fn keyframes_that_arrive_during_an_optimization_are_carried_along() {
 async fn an_empty_map_holds_nothing_to_solve() {
     let fixture = Fixture::plain().await;
     let map = fixture.map(MapPolicy::default()).await;
-    let (progress, _rows) = mpsc::channel(1);
+    let (progress, _rows) = mpsc::unbounded_channel();
     let outcome = map.optimize(OptimizeOptions::default(), progress).await;
     assert_eq!(outcome.unwrap_err(), EngineError::NothingToSolve { map: "house".to_owned() });
 }

@@ -20,12 +20,13 @@ async fn steps_have_no_gap_and_join_for_a_slow_reader() {
     let fixture = Fixture::lock_step().await;
     let map = fixture.map(MapPolicy::default()).await;
     let mut watch = map.watch(None).await.unwrap();
-    assert_eq!(watch.reset.as_ref().unwrap().revision(), watch.base_revision);
+    let whole = watch.next().await.unwrap();
+    assert!(whole.reset);
     let mut client = Client::open(&map).await;
     client.send_street(0..4).await;
     client.received(5).await;
     let first = watch.next().await.unwrap();
-    assert_eq!(first.base_revision, watch.base_revision);
+    assert!(!first.reset && first.base_revision == whole.revision);
     assert_eq!(first.revision, first.snapshot.revision());
     assert!(first.revision > first.base_revision + 4, "{first:?}");
     assert!(first.touched.keyframes.contains(&id(0)) && first.touched.cameras.contains(&id(0)));
@@ -50,14 +51,12 @@ async fn a_watcher_goes_on_from_the_revision_that_it_holds() {
     let newest = map.snapshot().await.unwrap().revision();
     assert!(newest > revision);
     let mut watch = map.watch(Some(revision)).await.unwrap();
-    assert!(watch.reset.is_none());
-    assert_eq!(watch.base_revision, revision);
     let step = watch.next().await.unwrap();
-    assert_eq!((step.base_revision, step.revision), (revision, newest));
+    assert_eq!((step.reset, step.base_revision, step.revision), (false, revision, newest));
     // The solve moved the second keyframe; the camera was there before.
     assert!(step.touched.keyframes.contains(&id(1)) && step.touched.cameras.is_empty());
     let mut current = map.watch(Some(newest)).await.unwrap();
-    assert!(current.reset.is_none() && current.next().now_or_never().is_none());
+    assert!(current.next().now_or_never().is_none());
     let ahead = map.watch(Some(newest + 1)).await.unwrap_err();
     let expected =
         EngineError::RevisionAhead { map: "house".to_owned(), revision: newest + 1, newest };
@@ -144,7 +143,7 @@ async fn a_reader_of_the_whole_journal_holds_up_neither_items_nor_other_watchers
     client.received(4).await;
     store.held.send_replace(true);
     let mut other = map.watch(None).await.unwrap();
-    let before = other.base_revision;
+    let before = other.next().await.unwrap().revision;
     let resuming = tokio::spawn({
         let map = map.clone();
         async move { map.watch(Some(1)).await }
@@ -158,9 +157,8 @@ async fn a_reader_of_the_whole_journal_holds_up_neither_items_nor_other_watchers
     assert!(!resuming.is_finished());
     store.held.send_replace(false);
     let mut watch = resuming.await.unwrap().unwrap();
-    assert!(watch.reset.is_none());
     let step = watch.next().await.unwrap();
-    assert_eq!(step.base_revision, 1);
+    assert_eq!((step.reset, step.base_revision), (false, 1));
     // What came before and what came meanwhile.
     assert!([0, 1, 2, 3].iter().all(|&k| step.touched.keyframes.contains(&id(k))));
 }
@@ -180,7 +178,7 @@ async fn a_map_that_is_deleted_ends_the_watchers_that_read_its_journal() {
     store.waiting.subscribe().wait_for(|&count| count == 1).await.unwrap();
     maps.delete("house").await.unwrap();
     store.held.send_replace(false);
-    let ended = resuming.await.unwrap().unwrap_err();
+    let ended = resuming.await.unwrap().unwrap().next().await.unwrap_err();
     assert_eq!(ended, EngineError::MapNotFound { map: "house".to_owned() });
 }
 
@@ -214,14 +212,13 @@ async fn four_readers_resume_and_hold_what_a_reset_gives() {
     client.finish().await;
     assert_eq!(*store.waiting.subscribe().borrow(), 2);
     store.held.send_replace(false);
-    let reset = map.watch(None).await.unwrap().reset.unwrap();
+    let reset = map.watch(None).await.unwrap().next().await.unwrap().snapshot;
     for (reader, held) in readers.into_iter().zip(&mut held) {
         let mut watch = reader.await.unwrap().unwrap();
-        assert_eq!((watch.reset.is_none(), watch.base_revision), (true, from));
         let mut revision = from;
         while revision < reset.revision() {
             let step = watch.next().await.unwrap();
-            assert_eq!(step.base_revision, revision);
+            assert_eq!((step.reset, step.base_revision), (false, revision));
             held.take(&step);
             revision = step.revision;
         }
@@ -237,9 +234,8 @@ async fn a_reader_that_missed_more_than_the_map_holds_gets_the_full_state() {
     for _ in 0..10_001 {
         map.open_stream("robot".to_owned(), 0, false).await.unwrap();
     }
-    let watch = map.watch(Some(1)).await.unwrap();
-    assert!(watch.reset.is_some());
-    assert!(map.watch(Some(2)).await.unwrap().reset.is_none());
+    assert!(map.watch(Some(1)).await.unwrap().next().await.unwrap().reset);
+    assert!(!map.watch(Some(2)).await.unwrap().next().await.unwrap().reset);
 }
 
 #[tokio::test]
@@ -249,6 +245,7 @@ async fn a_watcher_that_is_busy_gathers_what_it_misses() {
     let mut watch = map.watch(None).await.unwrap();
     let mut client = Client::open(&map).await;
     let mut idle = map.watch(None).await.unwrap();
+    assert!(watch.next().await.unwrap().reset && idle.next().await.unwrap().reset);
     for batch in 0..20 {
         let ids = 5000 * batch..5000 * (batch + 1);
         let position = Some(Vector3::new(1.0, 2.0, 3.0));

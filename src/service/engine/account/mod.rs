@@ -111,17 +111,17 @@ impl Account {
         resource: Resource,
         amount: u64,
     ) -> Result<Reservation, EngineError> {
-        self.take(resource, amount)?;
-        Ok(Reservation { account: Arc::clone(self), resource, amount })
+        let mut reservation = self.reserve_existing(resource, 0);
+        reservation.resize(amount)?;
+        Ok(reservation)
     }
 
     /// Reserves what exists already, even above the limits.
     #[must_use]
     pub fn reserve_existing(self: &Arc<Self>, resource: Resource, amount: u64) -> Reservation {
-        for account in self.chain() {
-            account.held[resource as usize].fetch_add(amount, Ordering::AcqRel);
-        }
-        Reservation { account: Arc::clone(self), resource, amount }
+        let mut reservation = Reservation { account: Arc::clone(self), resource, amount: 0 };
+        reservation.count(amount);
+        reservation
     }
 
     fn take(&self, resource: Resource, amount: u64) -> Result<(), EngineError> {
