@@ -163,7 +163,7 @@ fn is_searchable(observation: &Observation) -> bool {
 impl Map {
     /// What the searches for known places found.
     pub fn place_searches(&self) -> &PlaceSearches {
-        &self.place_searches
+        &self.parts.place_searches
     }
 
     /// Estimated memory of the descriptors and of an index of them, part of [`Map::usage`].

@@ -79,7 +79,7 @@ pub fn retire_redundant(map: &Map, keyframe: EntityId, share: f64) -> Option<Ret
     let is_protected = || {
         let newer =
             EntityId::new(keyframe.client, i64::MIN)..=EntityId::new(keyframe.client, i64::MAX);
-        map.keyframes.range(newer).take(PROTECTED + 1).count() <= PROTECTED
+        map.keyframes().range(newer).take(PROTECTED + 1).count() <= PROTECTED
     };
     let entity = map.keyframes().get(&keyframe)?;
     (is_redundant(map, keyframe, share) && !is_protected()).then(|| retired(map, keyframe, entity))
@@ -97,7 +97,7 @@ fn candidates(map: &Map) -> impl Iterator<Item = EntityId> + '_ {
         let gone = gone.entry(id.client).or_default();
         let all = EntityId::new(id.client, i64::MIN)..=EntityId::new(id.client, i64::MAX);
         let needed = PROTECTED + *gone + 1;
-        let may_go = map.keyframes.range(all).take(needed).count() == needed;
+        let may_go = map.keyframes().range(all).take(needed).count() == needed;
         *gone += usize::from(may_go);
         may_go
     })

@@ -12,14 +12,14 @@ pub struct Ties(SharedMap<(EntityId, EntityId), ()>);
 
 impl Ties {
     /// Those of a whole map.
-    pub(super) fn new<'a>(
-        constraints: impl Iterator<Item = (EntityId, &'a Constraint)>,
-        priors: impl Iterator<Item = (EntityId, &'a Prior)>,
+    pub(super) fn new(
+        constraints: &SharedMap<EntityId, Constraint>,
+        priors: &SharedMap<EntityId, Prior>,
     ) -> Self {
-        let of_constraints = constraints.flat_map(|(id, constraint)| {
+        let of_constraints = constraints.iter().flat_map(|(&id, constraint)| {
             [constraint.keyframe_i, constraint.keyframe_j].map(|keyframe| (keyframe, id))
         });
-        let of_priors = priors.map(|(id, prior)| (prior.keyframe(), id));
+        let of_priors = priors.iter().map(|(&id, prior)| (prior.keyframe(), id));
         let mut ties: Vec<_> = of_constraints.chain(of_priors).collect();
         ties.sort_unstable();
         Self(ties.into_iter().map(|tie| (tie, ())).collect())

@@ -14,7 +14,7 @@ impl Check<'_> {
     pub(super) fn is_done(&self, edit: &Edit) -> bool {
         match edit {
             Edit::SetCamera { id, camera } => {
-                let present = self.resolve(id).and_then(|id| self.map.cameras.get(&id));
+                let present = self.resolve(id).and_then(|id| self.map.cameras().get(&id));
                 present == Some(camera)
             }
             Edit::RevokeConstraint { .. }
@@ -64,7 +64,7 @@ impl Check<'_> {
                 Some(Change::KeyframeRemoved { keyframe })
             }
             Edit::SetCamera { id, camera } => {
-                let has = |map: &Map, id: &EntityId| map.cameras.contains_key(id);
+                let has = |map: &Map, id: &EntityId| map.cameras().contains_key(id);
                 let id = self.known("set_camera.id", "camera", id, has)?;
                 self.views(id, camera);
                 Some(Change::CameraSet { id, camera: *camera })
@@ -77,7 +77,7 @@ impl Check<'_> {
         field: impl std::fmt::Display,
         reference: &EntityRef,
     ) -> Option<EntityId> {
-        self.known(field, "landmark", reference, |map, id| map.landmarks.contains_key(id))
+        self.known(field, "landmark", reference, |map, id| map.landmarks().contains_key(id))
     }
 
     /// The landmarks of a list that the map holds, each with its place in the list.
@@ -105,7 +105,7 @@ impl Check<'_> {
             let id = self.keyframe(format_args!("{at}.keyframe"), &sighting.keyframe);
             let landmark = self.landmark(format_args!("{at}.landmark"), &sighting.landmark);
             let (Some(id), Some(landmark)) = (id, landmark) else { continue };
-            let keyframe = self.map.keyframes.get(&id);
+            let keyframe = self.map.keyframes().get(&id);
             if keyframe.is_none_or(|keyframe| keyframe.observation_of(landmark).is_none()) {
                 let text = format!("keyframe {} does not observe landmark {}", id.id, landmark.id);
                 self.add(at, Reason::UnknownReference, text);
@@ -124,8 +124,8 @@ impl Check<'_> {
     /// observation for which that is not so is reported.
     fn views(&mut self, id: EntityId, new: &CameraEntity) {
         let map = self.map;
-        let Some(old) = map.cameras.get(&id) else { return };
-        let views = map.keyframes.iter().filter(|(_, keyframe)| keyframe.camera == Some(id));
+        let Some(old) = map.cameras().get(&id) else { return };
+        let views = map.keyframes().iter().filter(|(_, keyframe)| keyframe.camera == Some(id));
         for (keyframe_id, keyframe) in views {
             for seen in keyframe.observations.iter() {
                 let named = || {
@@ -134,7 +134,7 @@ impl Check<'_> {
                     format!("keyframe {} of client {name:?}, landmark {landmark}", keyframe_id.id)
                 };
                 let pose = &keyframe.world_from_camera;
-                if let Some(position) = map.landmarks.get(&seen.landmark).and_then(|l| l.position)
+                if let Some(position) = map.landmarks().get(&seen.landmark).and_then(|l| l.position)
                     && !is_projected(new, pose, &position)
                     && is_projected(old, pose, &position)
                 {
