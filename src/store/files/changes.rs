@@ -158,7 +158,8 @@ impl Inner {
         let last = snapshot.map_or(0, |map| sequence_of(map.revision()));
         let snapshots = snapshot.map(|_| last).into_iter().collect();
         let found = load::Found { snapshots, last, durable: last, ..load::Found::default() };
-        let _settled = journal.loaded(found);
+        journal.loaded(found);
+        let _settled = journal.flush();
         journal.state().epoch = epoch;
         self.maps.lock().insert(map.to_owned(), Entry::Unclaimed(Arc::new(journal)));
         Ok(epoch)

@@ -16,7 +16,6 @@ use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, MutexGuard};
-use std::time::Duration;
 
 use tokio::sync::watch;
 
@@ -121,9 +120,9 @@ impl Journal {
         self.writer.lock()
     }
 
-    /// Takes over what was found on disk, and makes it durable if that is not certain. If that must
-    /// be tried again, returns the delay until [`Journal::flush`]. Blocks.
-    pub(super) fn loaded(&self, found: Found) -> Option<Duration> {
+    /// Takes over what was found on disk. The first [`Journal::flush`] makes it durable if that is not
+    /// certain.
+    pub(super) fn loaded(&self, found: Found) {
         let mut state = self.state();
         state.loaded = true;
         state.last = found.last;
@@ -141,7 +140,6 @@ impl Journal {
         drop(state);
         *self.writer() = Writer::of(found.segments, found.unsynced);
         self.tell();
-        self.flush()
     }
 
     /// Reports to all followers how far the journal is durable.

@@ -15,11 +15,11 @@ use async_trait::async_trait;
 
 use super::journal::Journal;
 use super::record::{HEAD, HEADER, Header, is_record, read_head, read_header, scan};
-use super::{blocking, file_error, journal_name, sealed, snapshot_name};
+use super::{blocking, file_error, journal_name, sealed, snapshot_name, whole_file};
 use crate::map::{Event, Map};
 use crate::store::encoding::decode_event;
 use crate::store::reader::PIECE_EVENTS;
-use crate::store::{Damage, EventReader, Piece, StoreError, sequence_of};
+use crate::store::{EventReader, Piece, StoreError, sequence_of};
 
 /// Snapshots that are kept: if the newest does not open, the previous one and the journal after it
 /// still give the whole map.
@@ -77,10 +77,9 @@ pub(super) fn newest_snapshot(journal: &Journal) -> Result<Option<Arc<Map>>, Sto
             Err(error) => error.damage(&path)?,
         };
         tracing::error!(file = %path.display(), reason, "a snapshot does not open");
-        let file = path.display().to_string();
         let mut state = journal.state();
         state.snapshots.pop();
-        state.damage.push(Damage { file, offset: 0, lost: None });
+        state.damage.push(whole_file(&path));
     }
 }
 
