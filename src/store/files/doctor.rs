@@ -18,7 +18,7 @@ use super::{
     whole_file,
 };
 use crate::map::Map;
-use crate::store::encoding::{decode_identity, encode_identity};
+use crate::store::encoding::decode_identity;
 use crate::store::{Damage, StoreError, sequence_of};
 
 /// The result of checking the files of a map.
@@ -253,7 +253,7 @@ fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(),
         let uid: String = found.uid.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
         let name = format!("recovered-{uid}");
         let path = folder.join("map");
-        sealed::write_identity(&RealDisk, &path, &found.uid, &encode_identity(&name))?;
+        sealed::write_identity(&RealDisk, &path, &found.uid, &name)?;
         checkup.map = Some(name);
     }
     if lost || checkup.damage.iter().any(|damage| is_log(&PathBuf::from(&damage.file))) {

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use super::disk::Disk;
 use super::record::{HEAD, HEADER, Header, Uid, read_header, read_mark, scan};
-use super::sealed::{Label, SealError, later};
+use super::sealed::{Label, later};
 use super::writer::{Tail, Unsynced};
 use super::{MARK, file_error, journal_name, sealed, sequence_in, whole_file};
 use crate::store::{Damage, StoreError};
@@ -147,7 +147,6 @@ fn look_at_snapshot(
     match sealed::check_snapshot(&mut file) {
         Ok(label) if label == Label { uid: *uid, sequence } => Ok(None),
         Ok(_) => Ok(Some("it belongs elsewhere".to_owned())),
-        Err(SealError::Later(reason)) => Err(later(path, reason)),
         Err(error) => error.damage(path).map(Some),
     }
 }

@@ -108,12 +108,6 @@ fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
     let sequence = sequence_of(map.revision());
     let path = journal.folder.join(snapshot_name(sequence));
     let bytes = sealed::write_snapshot(&*journal.disk, &path, &journal.uid, map)?;
-    let mut file = journal.disk.stream(&path).map_err(|e| file_error("cannot read", &path, &e))?;
-    if let Err(error) = sealed::compare_snapshot(&mut file, map) {
-        let message = error.damage(&path)?;
-        journal.disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;
-        return Err(StoreError::Content { path: path.display().to_string(), message });
-    }
     let mut snapshots = journal.state().snapshots.clone();
     snapshots.push(sequence);
     let old = snapshots.len().saturating_sub(KEPT_SNAPSHOTS);
