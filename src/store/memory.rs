@@ -118,25 +118,14 @@ impl Store for MemoryStore {
         Ok(self.maps.lock().keys().cloned().collect())
     }
 
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
+    async fn create_map(&self, map: &str, snapshot: Option<Arc<Map>>) -> Result<Epoch, StoreError> {
         let epoch = self.next_epoch();
         let mut maps = self.maps.lock();
         if maps.contains_key(map) {
             return Err(StoreError::MapExists { map: map.to_owned() });
         }
-        let journal = Journal { epoch, events: Vec::new(), dropped: 0, snapshot: None };
-        maps.insert(map.to_owned(), journal);
-        Ok(epoch)
-    }
-
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
-        let epoch = self.next_epoch();
-        let mut maps = self.maps.lock();
-        if maps.contains_key(map) {
-            return Err(StoreError::MapExists { map: map.to_owned() });
-        }
-        let dropped = sequence_of(snapshot.revision());
-        let journal = Journal { epoch, events: Vec::new(), dropped, snapshot: Some(snapshot) };
+        let dropped = snapshot.as_ref().map_or(0, |map| sequence_of(map.revision()));
+        let journal = Journal { epoch, events: Vec::new(), dropped, snapshot };
         maps.insert(map.to_owned(), journal);
         Ok(epoch)
     }

@@ -130,19 +130,14 @@ pub trait Store: Send + Sync + 'static {
     /// [`StoreError`] when the store cannot be read.
     async fn list_maps(&self) -> Result<Vec<String>, StoreError>;
 
-    /// Creates a map with an empty journal and acquires it. A map without an event is gone after a
-    /// restart. Where the call is dropped before it answers, the name stays free.
+    /// Creates a map and acquires it. With an empty journal it is gone after a restart as long as it has
+    /// no event, and where the call is dropped before it answers, the name stays free. One that begins
+    /// with a snapshot, at its revision, is durable when the call answers; a crash before that leaves no
+    /// map.
     ///
     /// # Errors
     /// [`StoreError::MapExists`], [`StoreError::Unavailable`].
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError>;
-
-    /// Creates a map that begins with a snapshot, at its revision, and acquires it. It is durable
-    /// when the call answers; a crash before that leaves no map.
-    ///
-    /// # Errors
-    /// [`StoreError::MapExists`], [`StoreError::Unavailable`].
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError>;
+    async fn create_map(&self, map: &str, snapshot: Option<Arc<Map>>) -> Result<Epoch, StoreError>;
 
     /// Deletes a map with its journal and snapshot, also where nobody waits for the answer any more.
     /// Where it fails either nothing has changed, or the map's journal has stopped; then the same call
