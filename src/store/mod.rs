@@ -111,6 +111,19 @@ impl Flushed {
     }
 }
 
+/// Waits until the event with a sequence is durable.
+///
+/// # Errors
+/// Why it does not become durable, or not soon.
+async fn wait_durable(
+    mut flushed: watch::Receiver<Flushed>,
+    sequence: u64,
+) -> Result<(), StoreError> {
+    let reached = flushed.wait_for(|f| f.through >= sequence || f.trouble().is_some()).await;
+    // Whoever tells how far it is still does.
+    reached.ok().and_then(|flushed| flushed.trouble().cloned()).map_or(Ok(()), Err)
+}
+
 /// The sequence of a revision; a negative revision is no sequence at all and reads as 0.
 fn sequence_of(revision: i64) -> u64 {
     u64::try_from(revision).unwrap_or(0)

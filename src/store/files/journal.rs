@@ -26,7 +26,9 @@ use super::writer::Writer;
 use super::{FileStoreOptions, file_error, journal_name};
 use crate::map::Event;
 use crate::store::encoding::encode_event;
-use crate::store::{Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of};
+use crate::store::{
+    Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of, wait_durable,
+};
 use crate::sync::Mutex;
 
 /// Bytes that may wait for a flush; beyond that, appends wait too.
@@ -227,13 +229,7 @@ impl Journal {
     /// Why they do not become durable, or not soon.
     pub(super) async fn wait_durable(&self) -> Result<(), StoreError> {
         let last = self.state().last;
-        let mut flushed = self.follow();
-        let reached = flushed.wait_for(|f| f.through >= last || f.trouble().is_some()).await;
-        // The journal holds the sender, so that the channel is open.
-        match reached.ok().and_then(|flushed| flushed.trouble().cloned()) {
-            Some(error) => Err(error),
-            None => Ok(()),
-        }
+        wait_durable(self.follow(), last).await
     }
 
     /// Waits while too much is pending and the journal works.

@@ -57,7 +57,7 @@ pub use self::tasks::{Taken, WorkerLink};
 use super::encoding::encode_event;
 use super::{
     Damage, Durability, Epoch, EventReader, FileStore, Flushed, Position, Store, StoreError,
-    TaskQueue, sequence_of,
+    TaskQueue, sequence_of, wait_durable,
 };
 use crate::map::{Event, Map};
 use crate::sync::Mutex;
@@ -261,7 +261,7 @@ impl Store for ReplicatedStore {
         let revision = sequence_of(snapshot.revision());
         self.local.put_snapshot(map, epoch, Arc::clone(&snapshot)).await?;
         // A snapshot must not hold events that the stream may refuse.
-        owned.wait_durable(revision).await?;
+        wait_durable(owned.flushed(), revision).await?;
         let mut known = owned.known().await;
         if known.entry.snapshots.last().is_some_and(|&newest| newest >= revision) {
             return Ok(());
