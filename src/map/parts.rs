@@ -106,6 +106,8 @@ impl Map {
         let MapParts { cameras, keyframes, landmarks, constraints, priors, .. } = &mut parts;
         let ids: Vec<EntityId> = landmarks.keys().copied().collect();
         let mut observers: Vec<Vec<EntityId>> = vec![Vec::new(); ids.len()];
+        let age = |id: EntityId| keyframes.get(&id).map_or(0, |known| known.added_revision);
+        let mut covisibility = Covisibility::default();
         let mut observation_count = 0;
         let mut descriptor_bytes = 0;
         // By rising id, so that each list of observers is sorted.
@@ -116,14 +118,18 @@ impl Map {
             observation_count += keyframe.observations.len() as u64;
             descriptor_bytes += super::usage::descriptor_bytes(&keyframe.observations)
                 + super::usage::image_bytes(keyframe.global_descriptor.as_deref());
+            let mut sharing = Vec::new();
             for observation in keyframe.observations.iter() {
                 let seen = observation.landmark;
                 let place = ids.binary_search(&seen);
                 let place = place.map_err(|_place| unknown(EntityKind::Landmark, seen))?;
-                if observers[place].last() != Some(&id) {
-                    observers[place].push(id);
+                let observers = &mut observers[place];
+                if observers.last() != Some(&id) {
+                    covisibility.observe(seen, observers, id, age, &mut sharing);
+                    observers.push(id);
                 }
             }
+            covisibility.add(id, &mut sharing);
         }
         for (landmark, observers) in landmarks.values_mut().zip(observers) {
             landmark.observers = observers.into();
@@ -144,7 +150,6 @@ impl Map {
         let mut unseen: Vec<_> = unseen.map(|(&id, l)| ((l.added_revision, id), ())).collect();
         unseen.sort_unstable();
         let unseen = unseen.into_iter().collect();
-        let covisibility = Covisibility::product(keyframes);
         let ties = Ties::new(constraints, priors);
         let map =
             Self { parts, ties, covisibility, observation_count, descriptor_bytes, by_age, unseen };
