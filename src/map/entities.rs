@@ -284,4 +284,14 @@ impl Prior {
             Self::Pose { keyframe, .. } | Self::Position { keyframe, .. } => keyframe,
         }
     }
+
+    /// Whether its measurement is of finite numbers.
+    pub(super) fn is_finite(&self) -> bool {
+        match self {
+            Self::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
+            Self::Position { position_in_world, point_in_camera, .. } => {
+                numbers::is_finite(position_in_world) && numbers::is_finite(point_in_camera)
+            }
+        }
+    }
 }

@@ -22,8 +22,7 @@ const FAR: (f64, f64) = (0.5, 0.2);
 impl Map {
     /// The keyframe of a client with the latest capture time, then the highest id.
     pub fn newest_keyframe(&self, client: ClientIndex) -> Option<(EntityId, &Keyframe)> {
-        let own = EntityId::new(client, i64::MIN)..=EntityId::new(client, i64::MAX);
-        let own = self.keyframes().range(own).map(|(&id, keyframe)| (id, keyframe));
+        let own = self.keyframes().range(client.ids()).map(|(&id, keyframe)| (id, keyframe));
         own.max_by_key(|&(id, keyframe)| (keyframe.capture_time_ns, id))
     }
 

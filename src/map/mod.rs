@@ -258,9 +258,8 @@ impl Map {
 
     /// The keyframes of `client`, by capture time, then id.
     pub fn trajectory(&self, client: ClientIndex) -> Vec<(EntityId, &Keyframe)> {
-        let range = EntityId::new(client, i64::MIN)..=EntityId::new(client, i64::MAX);
         let mut keyframes: Vec<_> =
-            self.parts.keyframes.range(range).map(|(&id, k)| (id, k)).collect();
+            self.parts.keyframes.range(client.ids()).map(|(&id, k)| (id, k)).collect();
         keyframes.sort_by_key(|&(id, k)| (k.capture_time_ns, id));
         keyframes
     }

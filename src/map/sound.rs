@@ -227,9 +227,7 @@ impl Map {
                 Prior::Pose { world_from_camera, loss, .. } => {
                     is_pose(world_from_camera) && loss.is_valid()
                 }
-                Prior::Position { position_in_world, point_in_camera, loss, .. } => {
-                    is_finite(position_in_world) && is_finite(point_in_camera) && loss.is_valid()
-                }
+                Prior::Position { loss, .. } => prior.is_finite() && loss.is_valid(),
             };
             check(measured, kind, id, "measures what is not possible")?;
         }

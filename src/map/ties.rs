@@ -4,7 +4,7 @@
 //! own constraints, not on those of the whole map. Constraints and priors share one id space; those
 //! that are switched off are included.
 
-use super::{Constraint, EntityId, Prior, SharedMap};
+use super::{Constraint, EntityId, Map, Prior, SharedMap};
 
 /// Constraints and priors by keyframe.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -37,5 +37,16 @@ impl Ties {
 
     pub(super) fn remove(&mut self, keyframe: EntityId, id: EntityId) {
         self.0.remove(&(keyframe, id));
+    }
+}
+
+impl Map {
+    /// The keyframes that constraints which count join with one.
+    pub(super) fn tied(&self, keyframe: EntityId) -> impl Iterator<Item = EntityId> + '_ {
+        let constraints = self.ties.of(keyframe).filter_map(|id| self.active_constraint(id));
+        constraints.map(move |constraint| {
+            let is_i = constraint.keyframe_i == keyframe;
+            if is_i { constraint.keyframe_j } else { constraint.keyframe_i }
+        })
     }
 }

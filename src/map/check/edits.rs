@@ -12,17 +12,8 @@ impl Check<'_> {
     /// Whether the map is already as the edit asks. What was removed is not remembered: a removal is
     /// never done already.
     pub(super) fn is_done(&self, edit: &Edit) -> bool {
-        match edit {
-            Edit::SetCamera { id, camera } => {
-                let present = self.resolve(id).and_then(|id| self.map.cameras().get(&id));
-                present == Some(camera)
-            }
-            Edit::RevokeConstraint { .. }
-            | Edit::RemoveObservations { .. }
-            | Edit::FuseLandmarks { .. }
-            | Edit::RemoveLandmarks { .. }
-            | Edit::RemoveKeyframe { .. } => false,
-        }
+        let Edit::SetCamera { id, camera } = edit else { return false };
+        self.resolve(id).and_then(|id| self.map.cameras().get(&id)) == Some(camera)
     }
 
     /// The change that an edit makes; `None` where what it is about cannot be found.

@@ -237,4 +237,9 @@ impl super::Constraint {
     pub fn is_closure(&self) -> bool {
         self.kind == ConstraintKind::LoopClosure
     }
+
+    /// Its keyframes, the lower id first.
+    pub(super) fn pair(&self) -> (EntityId, EntityId) {
+        (self.keyframe_i.min(self.keyframe_j), self.keyframe_i.max(self.keyframe_j))
+    }
 }

@@ -247,13 +247,7 @@ impl Fit<'_> {
     }
 
     fn measured(&self, id: EntityId, prior: &Prior) -> Outcome {
-        let is_finite = match prior {
-            Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
-            Prior::Position { position_in_world, point_in_camera, .. } => {
-                is_finite(position_in_world) && is_finite(point_in_camera)
-            }
-        };
-        self.finite(is_finite, EntityKind::Constraint, id)
+        self.finite(prior.is_finite(), EntityKind::Constraint, id)
     }
 
     fn opening(&self, name: &str, epoch: i64) -> Outcome {

@@ -236,7 +236,7 @@ impl Map {
 
     /// Whether a client has nothing in the map but its name.
     pub(super) fn is_without_content(&self, index: ClientIndex) -> bool {
-        let own = EntityId::new(index, i64::MIN)..=EntityId::new(index, i64::MAX);
+        let own = index.ids();
         self.cameras().range(own.clone()).next().is_none()
             && self.keyframes().range(own.clone()).next().is_none()
             && self.landmarks().range(own.clone()).next().is_none()
