@@ -125,9 +125,9 @@ impl Map {
         if self.is_adjustment_due() {
             hash.tag(4);
         }
-        if !self.place_searches().done().is_empty() {
+        if !self.place_searches().done.is_empty() {
             hash.tag(5);
-            hash.entities(self.place_searches().done(), Hash::place_search);
+            hash.entities(&self.place_searches().done, Hash::place_search);
         }
         hash.finish()
     }

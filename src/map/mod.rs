@@ -174,7 +174,7 @@ impl Map {
             let is_open = unsolved.sequence > client.optimized_sequence;
             is_open.then_some((ClientIndex(index), unsolved))
         };
-        let unsolved = self.parts.place_searches.unsolved();
+        let unsolved = self.parts.place_searches.unsolved;
         let found = PendingSolve { sequence: unsolved, request: SolveRequest::LoopClosure };
         let found = (unsolved > 0).then_some((ClientIndex::SERVER, found));
         (0..).zip(&self.parts.clients).filter_map(outstanding).chain(found).collect()

@@ -133,13 +133,13 @@ impl Map {
 
     fn searches_are_sound(&self) -> Outcome {
         let (searches, kind) = (self.place_searches(), EntityKind::Keyframe);
-        let numbers = (0..=self.revision()).contains(&searches.unsolved());
+        let numbers = (0..=self.revision()).contains(&searches.unsolved);
         check_map(numbers, "the closures that are to be solved are not possible")?;
-        for (&id, &revision) in searches.pending() {
+        for (&id, &revision) in &searches.pending {
             let is_possible = self.keyframes().contains_key(&id) && self.is_revision(revision);
             check(is_possible, kind, id, "waits for a search that is not possible")?;
         }
-        for (&id, search) in searches.done() {
+        for (&id, search) in &searches.done {
             // Candidates and closures may have gone since.
             let is_known = |id: EntityId| self.client(id.client).is_some();
             let candidates = &search.candidates;

@@ -54,15 +54,14 @@ impl Map {
         self.parts
             .duplicates
             .extend(parts.duplicates.pairs(), parts.duplicates.compared().iter().copied());
-        let (pending, done) = (parts.place_searches.pending(), parts.place_searches.done());
-        let is_searched = self.parts.policy.place_recognition;
-        self.parts.place_searches.extend(
-            pending.keys().filter(|_| is_searched).map(|&id| (id, revision)),
-            done.iter().map(|(&id, search)| (id, search.clone())),
-        );
+        let (searches, found) = (&mut self.parts.place_searches, &parts.place_searches);
+        if self.parts.policy.place_recognition {
+            searches.pending.extend(found.pending.keys().map(|&id| (id, revision)));
+        }
+        searches.done.extend(found.done.iter().map(|(&id, search)| (id, search.clone())));
         merge.closures.iter().for_each(|&(id, closure)| self.add_constraint(id, closure));
-        if !merge.closures.is_empty() || parts.place_searches.unsolved() > 0 {
-            self.parts.place_searches.set_unsolved(revision);
+        if !merge.closures.is_empty() || parts.place_searches.unsolved > 0 {
+            self.parts.place_searches.unsolved = revision;
         }
         self.parts.adjustment_due |= parts.adjustment_due;
         self.parts.contents.extend(parts.contents.iter().map(|(&key, &digest)| (key, digest)));
@@ -123,7 +122,7 @@ impl Map {
                 *client = Client::new(&client.name, client.epoch);
             }
         }
-        self.parts.place_searches.set_unsolved(self.parts.revision);
+        self.parts.place_searches.unsolved = self.parts.revision;
         self.parts.adjustment_due = false;
     }
 

@@ -17,7 +17,7 @@ use covis_solvers::information::Information;
 use super::frames;
 use super::{
     Client, ClientIndex, Constraint, Content, Duplicates, EntityId, Map, MapError, MapPolicy,
-    PlaceSearches, SharedMap,
+    SharedMap,
 };
 use moving::{is_finite, move_by};
 pub(super) use renaming::Renaming;
@@ -305,22 +305,17 @@ impl Map {
             parts.duplicates.compared().iter().copied().filter(|id| holds(id)),
         );
         parts.duplicates = duplicates;
-        let searches = &parts.place_searches;
-        let mut place_searches = PlaceSearches::default();
-        place_searches.extend(
-            searches.pending().iter().filter(|(id, _)| goes(**id)).map(|(&id, &r)| (id, r)),
-            searches.done().iter().filter(|(id, _)| goes(**id)).map(|(&id, search)| {
-                let mut search = search.clone();
-                search.candidates.retain(|candidate| goes(candidate.keyframe));
-                search.closure = search.closure.filter(|id| goes(*id));
-                (id, search)
-            }),
-        );
+        let searches = &mut parts.place_searches;
+        searches.pending = kept(&searches.pending, goes);
+        searches.done = kept(&searches.done, goes);
+        for search in searches.done.values_mut() {
+            search.candidates.retain(|candidate| goes(candidate.keyframe));
+            search.closure = search.closure.filter(|id| goes(*id));
+        }
         // A reader of the map as it was must see that it is another state.
         parts.revision = self.revision().max(merged.revision.saturating_add(1));
         // What the other map's keyframes bent is straightened by the closures that are left.
-        place_searches.set_unsolved(parts.revision);
-        parts.place_searches = place_searches;
+        parts.place_searches.unsolved = parts.revision;
         parts.contents = kept(&parts.contents, |(kind, id)| {
             goes(id) && (kind != Content::Constraint || holds(&id))
         });
