@@ -99,7 +99,7 @@ async fn snapshot(folder: &Path) -> Result<String, Failure> {
     let map = Arc::new(Map::from_parts(parts)?);
     let hash = map.state_hash();
     let store = FileStore::open(folder, FileStoreOptions::default()).await?;
-    let epoch = store.create_map("m").await?;
+    let epoch = store.create_map("m", None).await?;
     store.append("m", epoch, 0, vec![Arc::new(event(1))]).await?;
     let start = Instant::now();
     store.put_snapshot("m", epoch, map).await?;
@@ -158,7 +158,7 @@ async fn appends(folder: &Path, maps: usize, each: usize, in_flight: u64) -> Res
     let mut writers = Vec::new();
     for map in 0..maps {
         let name = format!("map {map}");
-        let epoch = store.create_map(&name).await?;
+        let epoch = store.create_map(&name, None).await?;
         writers.push((name, epoch));
     }
     let start = Instant::now();
@@ -265,7 +265,7 @@ fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
 async fn damaged(folder: &Path, damage: Damage) -> Result<String, Failure> {
     let _old = std::fs::remove_dir_all(folder);
     let store = FileStore::open(folder, FileStoreOptions::default()).await?;
-    let epoch = store.create_map("m").await?;
+    let epoch = store.create_map("m", None).await?;
     let events = (1..=500).map(|revision| Arc::new(event(revision))).collect();
     store.append("m", epoch, 0, events).await?;
     store.follow("m").await?.wait_for(|f| f.through >= 500).await?;

@@ -18,7 +18,6 @@ use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::point_matching::Likeness;
 use covis_solvers::relative_motion::PointEstimate;
-use nalgebra::Vector2;
 
 pub use alignment::{Alignment, NotAligned, align};
 
@@ -56,7 +55,7 @@ impl<'a> View<'a> {
     pub fn of_keyframe(map: &Map, keyframe: &'a Keyframe) -> Option<Self> {
         let camera_id = keyframe.camera?;
         let feature = |seen: &Observation| Feature {
-            pixel: Vector2::new(seen.pixel.x, seen.pixel.y),
+            pixel: seen.pixel,
             sigma_px: seen.sigma_px,
             depth_m: seen.depth.map(|depth| (depth.depth_m, depth.sigma_m)),
         };
@@ -71,8 +70,7 @@ impl<'a> View<'a> {
 
     /// The features that the index of places compares, and their places among [`View::features`].
     pub fn searchable(&self) -> (Vec<usize>, Vec<place::Feature<'a>>) {
-        let all = self.descriptors.iter().enumerate();
-        all.filter_map(|(at, descriptor)| Some((at, searchable((*descriptor)?)?))).unzip()
+        searchable(self.descriptors.iter().copied())
     }
 }
 
@@ -83,18 +81,22 @@ pub fn comparable(image: Option<&Descriptor>) -> Option<place::Feature<'_>> {
     (*kind == DescriptorKind::Float32).then_some(place::Feature { name, data })
 }
 
-/// A descriptor that the index of places can hold.
-fn searchable(descriptor: &Descriptor) -> Option<place::Feature<'_>> {
-    let Descriptor { kind, name, data } = descriptor;
-    let fits = *kind == DescriptorKind::Binary && DESCRIPTOR_BYTES.contains(&data.len());
-    fits.then_some(place::Feature { name, data })
+/// The descriptors that the index of places can hold, and their places in a list.
+fn searchable<'a>(
+    all: impl Iterator<Item = Option<&'a Descriptor>>,
+) -> (Vec<usize>, Vec<place::Feature<'a>>) {
+    let feature = |(at, descriptor): (usize, Option<&'a Descriptor>)| {
+        let Descriptor { kind, name, data } = descriptor?;
+        let fits = *kind == DescriptorKind::Binary && DESCRIPTOR_BYTES.contains(&data.len());
+        fits.then_some((at, place::Feature { name, data }))
+    };
+    all.enumerate().filter_map(feature).unzip()
 }
 
 /// The features of a keyframe as the index holds them, and their places among its observations.
 #[must_use]
 pub fn indexed(keyframe: &Keyframe) -> (Vec<usize>, Vec<place::Feature<'_>>) {
-    let all = keyframe.observations.iter().enumerate();
-    all.filter_map(|(at, seen)| Some((at, searchable(seen.descriptor.as_deref()?)?))).unzip()
+    searchable(keyframe.observations.iter().map(|seen| seen.descriptor.as_deref()))
 }
 
 /// The keyframes that are no candidates for the place of `keyframe`: itself, the last ones of its client
@@ -108,9 +110,9 @@ pub fn excluded(map: &Map, keyframe: EntityId) -> BTreeSet<EntityId> {
     excluded.extend(sharing.filter(|&(_, shared)| shared >= threshold).map(|(id, _)| id));
     let ties = map.ties().of(keyframe).filter_map(|tie| map.constraints().get(&tie));
     excluded.extend(ties.flat_map(|constraint| [constraint.keyframe_i, constraint.keyframe_j]));
-    let own = EntityId::new(keyframe.client, i64::MIN)..=EntityId::new(keyframe.client, i64::MAX);
     let time = (query.capture_time_ns, keyframe);
-    let before = map.keyframes().range(own).map(|(&id, k)| (k.capture_time_ns, id));
+    let before =
+        map.keyframes().range(keyframe.client.ids()).map(|(&id, k)| (k.capture_time_ns, id));
     let mut before: Vec<(i64, EntityId)> = before.filter(|&other| other < time).collect();
     let first = before.len().saturating_sub(RECENT);
     if first > 0 {

@@ -62,24 +62,6 @@ impl Way {
     }
 }
 
-/// A number that is ordered, as the key of a queue.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Cost(f64);
-
-impl Eq for Cost {}
-
-impl Ord for Cost {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0)
-    }
-}
-
-impl PartialOrd for Cost {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
 /// The relative pose of two keyframes as it was measured on the way between them, and how far it may have
 /// drifted on it; `None` where no way leads from one to the other, and where the interrupt is due.
 pub(super) fn expected(
@@ -110,8 +92,9 @@ pub(super) fn expected(
 fn shortest(map: &Map, from: EntityId, to: EntityId, interrupt: &Interrupt) -> Option<Way> {
     let odom = |id: EntityId| map.keyframes().get(&id).map(|k| k.odom_from_camera);
     let mut best: BTreeMap<EntityId, Way> = BTreeMap::from([(from, Way::none())]);
-    let mut queue = BinaryHeap::from([Reverse((Cost(0.0), from))]);
-    while let Some(Reverse((Cost(cost), id))) = queue.pop() {
+    // Costs by their bits: those of numbers that are not negative order as the numbers do.
+    let mut queue = BinaryHeap::from([Reverse((0, from))]);
+    while let Some(Reverse((cost, id))) = queue.pop() {
         let way = *best.get(&id)?;
         if id == to {
             return Some(way);
@@ -119,7 +102,7 @@ fn shortest(map: &Map, from: EntityId, to: EntityId, interrupt: &Interrupt) -> O
         if interrupt.is_due() {
             return None;
         }
-        if cost > way.cost() {
+        if cost > way.cost().to_bits() {
             continue;
         }
         let here = odom(id)?.inverse();
@@ -141,7 +124,7 @@ fn shortest(map: &Map, from: EntityId, to: EntityId, interrupt: &Interrupt) -> O
             // A pose that is not finite leads nowhere.
             if is_shorter && reached.cost().is_finite() {
                 best.insert(other, reached);
-                queue.push(Reverse((Cost(reached.cost()), other)));
+                queue.push(Reverse((reached.cost().to_bits(), other)));
             }
         }
     }

@@ -44,14 +44,9 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
             (false, landmarks.iter().flat_map(observers).collect())
         }
         Change::KeyframeRemoved { keyframe } => {
-            let tied = map.ties().of(*keyframe).filter_map(|id| {
-                let constraint = map.active_constraint(id)?;
-                let is_i = constraint.keyframe_i == *keyframe;
-                Some(if is_i { constraint.keyframe_j } else { constraint.keyframe_i })
-            });
             let sharing = map.covisibility().neighbors(*keyframe).map(|(id, _)| id);
             let graph = map.ties().of(*keyframe).any(|id| shapes_graph(map, id));
-            (graph, tied.chain(sharing).collect())
+            (graph, map.tied(*keyframe).chain(sharing).collect())
         }
         Change::CameraSet { id, .. } if map.cameras().contains_key(id) => {
             let views = map.keyframes().iter().filter(|(_, k)| k.camera == Some(*id));

@@ -31,18 +31,6 @@ pub enum Solved<'a> {
     Graph(&'a GraphProblem),
 }
 
-impl<'a> From<&'a MapProblem> for Solved<'a> {
-    fn from(problem: &'a MapProblem) -> Self {
-        Self::Bundle(problem)
-    }
-}
-
-impl<'a> From<&'a GraphProblem> for Solved<'a> {
-    fn from(problem: &'a GraphProblem) -> Self {
-        Self::Graph(problem)
-    }
-}
-
 impl Solved<'_> {
     fn start_revision(&self) -> i64 {
         match self {
@@ -139,14 +127,13 @@ fn closure_variances(map: &Map, solved: Solved<'_>) -> Vec<(ClientIndex, f64)> {
 ///
 /// `covered` names the sequences that the solve covers; `costs` are ½ Σ ρ before and after it.
 #[must_use]
-pub fn applied<'a>(
+pub fn applied(
     map_now: &Map,
-    solved: impl Into<Solved<'a>>,
+    solved: Solved<'_>,
     kind: SolveKind,
     covered: Vec<(ClientIndex, i64)>,
     costs: (f64, f64),
 ) -> AppliedSolve {
-    let solved = solved.into();
     let start = solved.start_revision();
     let keyframes = map_now.keyframes();
     let was_solved =

@@ -4,17 +4,13 @@
 //! observer is a neighbor of the 32 that were added just before it and of the 32 just after it. So the
 //! newest keyframe shares a landmark with the newest that see it, an old one with those of similar age,
 //! and one landmark costs at most 64 counts per observer, however many see it. Which pairs count is a
-//! function of the keyframes alone. The fold keeps the counts one observation at a time;
-//! [`Covisibility::product`] forms them from scratch: AᵀA of the observation matrix A (landmarks ×
-//! keyframes, entries 0 or 1) for landmarks of at most 33 observers, pair by pair for the others.
-//! Nothing here decides how many shared landmarks make neighbors.
+//! function of the keyframes alone, whatever the order in which they are counted: the counts are kept
+//! one observation at a time. Nothing here decides how many shared landmarks make neighbors.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use sprs::{CsMat, TriMat};
-
-use super::{EntityId, Keyframe, SharedMap};
+use super::{EntityId, SharedMap};
 
 /// Observers of a landmark that count for another one to each side, by the revision that added them.
 /// Every track of the shared BAL files is shorter; a window of 20 keyframes fits into it.
@@ -62,49 +58,6 @@ impl Covisibility {
         self.rows.iter().flat_map(|(&a, row)| {
             row.iter().filter(move |&(&b, _)| a < b).map(move |(&b, &n)| (a, b, n))
         })
-    }
-
-    /// The counts from scratch.
-    #[must_use]
-    pub fn product(keyframes: &SharedMap<EntityId, Keyframe>) -> Self {
-        let mut observers: BTreeMap<EntityId, Vec<(Observer, usize)>> = BTreeMap::new();
-        for (column, (&id, keyframe)) in keyframes.iter().enumerate() {
-            for observation in keyframe.observations.iter() {
-                let seen = observers.entry(observation.landmark).or_default();
-                // Once each: two features may match one landmark.
-                if seen.last().is_none_or(|&(_, last)| last != column) {
-                    seen.push(((keyframe.added_revision, id), column));
-                }
-            }
-        }
-        let mut covisibility = Self::default();
-        let mut triplets = TriMat::new((observers.len(), keyframes.len()));
-        for (row, (landmark, seen)) in observers.into_iter().enumerate() {
-            if seen.len() <= NEAREST + 1 {
-                seen.iter().for_each(|&(_, column)| triplets.add_triplet(row, column, 1_u32));
-                continue;
-            }
-            let mut order: Vec<Observer> = seen.into_iter().map(|(observer, _)| observer).collect();
-            order.sort_unstable();
-            for (place, &(_, a)) in order.iter().enumerate() {
-                for &(_, b) in order[place + 1..].iter().take(NEAREST) {
-                    covisibility.count(a, b, 1);
-                    covisibility.count(b, a, 1);
-                }
-            }
-            covisibility.long_count += order.len() as u64;
-            covisibility.long.insert(landmark, Arc::new(order));
-        }
-        let ids: Vec<EntityId> = keyframes.keys().copied().collect();
-        let a: CsMat<u32> = triplets.to_csc();
-        let transposed = a.transpose_view();
-        let counts: CsMat<u32> = &transposed * &a;
-        for (&count, (i, j)) in &counts {
-            if i != j && count > 0 {
-                covisibility.count(ids[i], ids[j], count);
-            }
-        }
-        covisibility
     }
 
     /// `keyframe` sees `landmark`, which `observers` see already: appends to `sharing` those that now

@@ -73,9 +73,9 @@ impl Map {
     /// for a client is left out because earlier versions did not keep it.
     pub fn state_hash(&self) -> [u8; 32] {
         let mut hash = Hash::new();
-        hash.i64(self.revision);
-        hash.policy(&self.policy);
-        hash.list(&self.clients, |hash, client| {
+        hash.i64(self.revision());
+        hash.policy(self.policy());
+        hash.list(self.clients(), |hash, client| {
             hash.text(&client.name);
             hash.i64(client.epoch);
             hash.i64(client.next_sequence);
@@ -86,48 +86,48 @@ impl Map {
             });
         });
         self.hash_entities(&mut hash, Hash::keyframe, Hash::landmark);
-        hash.list(&self.contents, |hash, (&(kind, id), digest)| {
+        hash.list(self.contents(), |hash, (&(kind, id), digest)| {
             hash.tag(kind as u8);
             hash.id(id);
             hash.digest(digest);
         });
         // What came later is hashed only where it is not as it was before.
-        let varied = (0_u64..).zip(&self.clients).filter(|(_, c)| c.closure_variance != 1.0);
+        let varied = (0_u64..).zip(self.clients()).filter(|(_, c)| c.closure_variance != 1.0);
         for (index, client) in varied {
             hash.tag(2);
             hash.u64(index);
             hash.f64(client.closure_variance);
         }
-        let moved = (0_u64..).zip(&self.clients).filter(|(_, c)| !c.earlier_frames.is_empty());
+        let moved = (0_u64..).zip(self.clients()).filter(|(_, c)| !c.earlier_frames.is_empty());
         for (index, client) in moved {
             hash.tag(6);
             hash.u64(index);
             hash.list(&client.earlier_frames, |hash, frame| hash.pose(frame));
         }
-        let scaled = (0_u64..).zip(&self.clients).filter(|(_, c)| c.scale != 1.0);
+        let scaled = (0_u64..).zip(self.clients()).filter(|(_, c)| c.scale != 1.0);
         for (index, client) in scaled {
             hash.tag(8);
             hash.u64(index);
             hash.f64(client.scale);
         }
-        if self.frozen {
+        if self.is_frozen() {
             hash.tag(1);
         }
-        if !self.duplicates.is_empty() {
+        if !self.duplicates().is_empty() {
             hash.tag(3);
-            self.duplicates.pairs().for_each(|(a, b, closure)| {
+            self.duplicates().pairs().for_each(|(a, b, closure)| {
                 hash.id(a);
                 hash.id(b);
                 hash.optional_id(closure);
             });
-            hash.list(self.duplicates.compared(), |hash, &closure| hash.id(closure));
+            hash.list(self.duplicates().compared(), |hash, &closure| hash.id(closure));
         }
-        if self.adjustment_due {
+        if self.is_adjustment_due() {
             hash.tag(4);
         }
-        if !self.place_searches.done().is_empty() {
+        if !self.place_searches().done.is_empty() {
             hash.tag(5);
-            hash.entities(self.place_searches.done(), Hash::place_search);
+            hash.entities(&self.place_searches().done, Hash::place_search);
         }
         hash.finish()
     }
@@ -139,9 +139,9 @@ impl Map {
     /// compares equal to one that did not.
     pub fn content_hash(&self) -> [u8; 32] {
         let mut hash = Hash::new();
-        hash.list(&self.clients, |hash, client| hash.text(&client.name));
+        hash.list(self.clients(), |hash, client| hash.text(&client.name));
         self.hash_entities(&mut hash, Hash::keyframe_content, Hash::landmark_content);
-        for (a, b, _) in self.duplicates.pairs() {
+        for (a, b, _) in self.duplicates().pairs() {
             hash.tag(3);
             hash.id(a);
             hash.id(b);
@@ -156,20 +156,20 @@ impl Map {
         keyframe: fn(&mut Hash, &Keyframe),
         landmark: fn(&mut Hash, &Landmark),
     ) {
-        hash.entities(&self.cameras, Hash::camera_entity);
-        hash.entities(&self.keyframes, keyframe);
-        hash.entities(&self.landmarks, landmark);
-        hash.entities(&self.constraints, Hash::constraint);
-        hash.entities(&self.switched_off, |hash, SwitchedOff { chi2, weight, is_provisional }| {
+        hash.entities(self.cameras(), Hash::camera_entity);
+        hash.entities(self.keyframes(), keyframe);
+        hash.entities(self.landmarks(), landmark);
+        hash.entities(self.constraints(), Hash::constraint);
+        hash.entities(self.switched_off(), |hash, SwitchedOff { chi2, weight, is_provisional }| {
             hash.f64(*chi2);
             hash.f64(*weight);
             if *is_provisional {
                 hash.tag(1);
             }
         });
-        hash.entities(&self.priors, Hash::prior);
+        hash.entities(self.priors(), Hash::prior);
         // Earlier versions kept none.
-        let images = self.keyframes.iter();
+        let images = self.keyframes().iter();
         for (&id, image) in images.filter_map(|(id, k)| Some((id, k.global_descriptor.as_ref()?))) {
             hash.tag(7);
             hash.id(id);
@@ -181,7 +181,8 @@ impl Map {
     /// eight bytes.
     pub fn keyframe_ids_digest(&self) -> [u8; 32] {
         let name = |id: &EntityId| self.client(id.client).map_or("", |client| &client.name);
-        let mut ids: Vec<(&str, i64)> = self.keyframes.keys().map(|id| (name(id), id.id)).collect();
+        let mut ids: Vec<(&str, i64)> =
+            self.keyframes().keys().map(|id| (name(id), id.id)).collect();
         ids.sort_unstable();
         let mut hash = Hash::new();
         for (client, id) in ids {

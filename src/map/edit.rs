@@ -80,14 +80,7 @@ impl Edit {
 
     /// The camera that it brings.
     pub fn camera(&self) -> Option<&CameraEntity> {
-        match self {
-            Self::SetCamera { camera, .. } => Some(camera),
-            Self::RevokeConstraint { .. }
-            | Self::RemoveObservations { .. }
-            | Self::FuseLandmarks { .. }
-            | Self::RemoveLandmarks { .. }
-            | Self::RemoveKeyframe { .. } => None,
-        }
+        if let Self::SetCamera { camera, .. } = self { Some(camera) } else { None }
     }
 
     /// About how many entities its check looks at.

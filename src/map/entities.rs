@@ -128,9 +128,9 @@ pub struct Depth {
 
 /// A landmark seen at a pixel of a keyframe.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Observation {
+pub struct Observation<Landmark = EntityId> {
     /// The landmark.
-    pub landmark: EntityId,
+    pub landmark: Landmark,
     /// Measured pixel (u, v).
     pub pixel: Vector2<f64>,
     /// Standard deviation of u and of v in pixels, positive.
@@ -141,13 +141,15 @@ pub struct Observation {
     pub descriptor: Option<Arc<Descriptor>>,
 }
 
-impl Observation {
+impl<Landmark> Observation<Landmark> {
     /// Whether its numbers can be a measurement: finite, and positive where they have to be.
     pub(super) fn is_possible(&self) -> bool {
         let is_depth = self.depth.as_ref().is_none_or(numbers::is_depth);
         is_depth && numbers::is_positive(self.sigma_px) && numbers::is_finite(&self.pixel)
     }
+}
 
+impl Observation {
     /// What makes an observation of a keyframe unique: the landmark and the bits of its pixel. Two
     /// features may match one landmark (structure-from-motion models hold such pairs).
     pub fn key(&self) -> (EntityId, [u64; 2]) {
@@ -282,6 +284,16 @@ impl Prior {
     pub fn keyframe(&self) -> EntityId {
         match *self {
             Self::Pose { keyframe, .. } | Self::Position { keyframe, .. } => keyframe,
+        }
+    }
+
+    /// Whether its measurement is of finite numbers.
+    pub(super) fn is_finite(&self) -> bool {
+        match self {
+            Self::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
+            Self::Position { position_in_world, point_in_camera, .. } => {
+                numbers::is_finite(position_in_world) && numbers::is_finite(point_in_camera)
+            }
         }
     }
 }

@@ -41,9 +41,9 @@ pub struct Cause {
 
 /// A landmark as it enters the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NewLandmark {
+pub struct NewLandmark<Id = EntityId> {
     /// Its id.
-    pub id: EntityId,
+    pub id: Id,
     /// `point_in_world` as it was sent, in the client's unit; `None` where the server is to triangulate it.
     pub position: Option<Vector3<f64>>,
 }

@@ -22,8 +22,7 @@ const FAR: (f64, f64) = (0.5, 0.2);
 impl Map {
     /// The keyframe of a client with the latest capture time, then the highest id.
     pub fn newest_keyframe(&self, client: ClientIndex) -> Option<(EntityId, &Keyframe)> {
-        let own = EntityId::new(client, i64::MIN)..=EntityId::new(client, i64::MAX);
-        let own = self.keyframes.range(own).map(|(&id, keyframe)| (id, keyframe));
+        let own = self.keyframes().range(client.ids()).map(|(&id, keyframe)| (id, keyframe));
         own.max_by_key(|&(id, keyframe)| (keyframe.capture_time_ns, id))
     }
 
@@ -37,7 +36,7 @@ impl Map {
             let frame = newest.map_from_odom();
             (is_far && frame.is_finite()).then_some((client, frame))
         };
-        (0..).zip(&self.clients).filter_map(|(index, _)| left(ClientIndex(index))).collect()
+        (0..).zip(self.clients()).filter_map(|(index, _)| left(ClientIndex(index))).collect()
     }
 
     /// What moves the start estimate of a client's next keyframe into the present frame, where it is of

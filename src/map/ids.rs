@@ -5,6 +5,7 @@
 //! Nothing here knows how the wire spells a reference.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 /// Position of a client in [`Map::clients`](super::Map::clients); never changes once given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -14,6 +15,11 @@ impl ClientIndex {
     /// Stands for the server where what it added itself is counted beside the items of clients. No client
     /// has this index.
     pub const SERVER: Self = Self(u32::MAX);
+
+    /// The ids of its entities.
+    pub(crate) fn ids(self) -> RangeInclusive<EntityId> {
+        EntityId::new(self, i64::MIN)..=EntityId::new(self, i64::MAX)
+    }
 }
 
 /// A camera, keyframe, landmark or constraint (priors included) of one client.

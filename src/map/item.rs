@@ -9,10 +9,10 @@ use std::sync::Arc;
 use covis_solvers::geometry::{Camera, Geodetic, LieGroup, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
-use super::numbers::{is_depth, is_finite, is_positive};
-use super::{ConstraintKind, Depth, Descriptor, Edit};
+use super::numbers::is_finite;
+use super::{ConstraintKind, Descriptor, Edit, NewLandmark, Observation};
 
 /// A reference as a client writes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,28 +32,10 @@ impl EntityRef {
 }
 
 /// An observation as sent.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ItemObservation {
-    /// The landmark seen.
-    pub landmark: EntityRef,
-    /// Measured pixel (u, v).
-    pub pixel: Vector2<f64>,
-    /// Standard deviation of u and of v in pixels.
-    pub sigma_px: f64,
-    /// Measured depth, where there is one.
-    pub depth: Option<Depth>,
-    /// What the feature looks like, where the client says.
-    pub descriptor: Option<Arc<Descriptor>>,
-}
+pub type ItemObservation = Observation<EntityRef>;
 
 /// A landmark as sent; it belongs to the sender.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ItemLandmark {
-    /// Its id.
-    pub id: i64,
-    /// `point_in_world` in meters; `None` where the server is to triangulate it.
-    pub position: Option<Vector3<f64>>,
-}
+pub type ItemLandmark = NewLandmark<i64>;
 
 /// A measured position as sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -213,13 +195,8 @@ impl Item {
         let are_placed = |landmarks: &[ItemLandmark]| {
             landmarks.iter().all(|landmark| landmark.position.as_ref().is_none_or(is_finite))
         };
-        let are_measured = |observations: &[ItemObservation]| {
-            observations.iter().all(|seen| {
-                is_finite(&seen.pixel)
-                    && is_positive(seen.sigma_px)
-                    && seen.depth.as_ref().is_none_or(is_depth)
-            })
-        };
+        let are_measured =
+            |observations: &[ItemObservation]| observations.iter().all(Observation::is_possible);
         match self {
             Self::Camera { camera, .. } => is_valid_camera(camera),
             Self::Edit(edit) => edit.camera().is_none_or(|entity| is_valid_camera(&entity.camera)),

@@ -105,9 +105,15 @@ pub(super) fn point_in(
     PointEstimate::from_views(&views?)
 }
 
-fn view(map: &Map, a_from_camera: Se3, keyframe: &Keyframe, seen: &Observation) -> Option<View> {
+/// What a keyframe saw of a landmark, from a pose in the frame in which the landmark is wanted.
+pub(super) fn view(
+    map: &Map,
+    world_from_camera: Se3,
+    keyframe: &Keyframe,
+    seen: &Observation,
+) -> Option<View> {
     Some(View {
-        world_from_camera: a_from_camera,
+        world_from_camera,
         camera: map.cameras().get(&keyframe.camera?)?.camera,
         pixel: seen.pixel,
         sigma_px: seen.sigma_px,

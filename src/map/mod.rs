@@ -99,25 +99,7 @@ pub enum Recall {
 /// A map at one revision.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Map {
-    revision: i64,
-    create_time_ns: i64,
-    update_time_ns: i64,
-    display_name: String,
-    policy: MapPolicy,
-    frozen: bool,
-    clients: Vec<Client>,
-    cameras: BTreeMap<EntityId, CameraEntity>,
-    keyframes: SharedMap<EntityId, Keyframe>,
-    landmarks: SharedMap<EntityId, Landmark>,
-    constraints: SharedMap<EntityId, Constraint>,
-    /// The constraints that are switched off.
-    switched_off: BTreeMap<EntityId, SwitchedOff>,
-    priors: SharedMap<EntityId, Prior>,
-    duplicates: Duplicates,
-    place_searches: PlaceSearches,
-    adjustment_due: bool,
-    last_request: Option<LastRequest>,
-    merged: Vec<MergedMap>,
+    parts: MapParts,
     /// The constraints and priors of each keyframe.
     ties: Ties,
     covisibility: Covisibility,
@@ -128,10 +110,6 @@ pub struct Map {
     by_age: SharedMap<(i64, EntityId), ()>,
     /// The landmarks that no keyframe sees, by the revision that added them.
     unseen: SharedMap<(i64, EntityId), ()>,
-    /// Solves that were applied.
-    solve_count: i64,
-    /// Digests of cameras and keyframes as they were sent; solves change the entities, not these.
-    contents: SharedMap<(digest::Content, EntityId), Digest>,
 }
 
 impl Map {
@@ -143,49 +121,49 @@ impl Map {
 
     /// How many events were applied.
     pub fn revision(&self) -> i64 {
-        self.revision
+        self.parts.revision
     }
 
     /// Unix time of the creation in nanoseconds, by the server's clock.
     pub fn create_time_ns(&self) -> i64 {
-        self.create_time_ns
+        self.parts.create_time_ns
     }
 
     /// Unix time of the last event in nanoseconds, by the server's clock.
     pub fn update_time_ns(&self) -> i64 {
-        self.update_time_ns
+        self.parts.update_time_ns
     }
 
     /// Free text for people.
     pub fn display_name(&self) -> &str {
-        &self.display_name
+        &self.parts.display_name
     }
 
     /// The rules by which the map is kept.
     pub fn policy(&self) -> &MapPolicy {
-        &self.policy
+        &self.parts.policy
     }
 
     /// Whether a policy keeps the geodetic anchor by which positions of this map were converted. A map
     /// without priors, or without an anchor, can take any policy.
     pub fn keeps_anchor(&self, policy: &MapPolicy) -> bool {
-        let anchor = self.policy.geodetic_anchor;
-        anchor.is_none() || anchor == policy.geodetic_anchor || self.priors.is_empty()
+        let anchor = self.parts.policy.geodetic_anchor;
+        anchor.is_none() || anchor == policy.geodetic_anchor || self.parts.priors.is_empty()
     }
 
     /// Whether the map takes no items and no solves, by request.
     pub fn is_frozen(&self) -> bool {
-        self.frozen
+        self.parts.frozen
     }
 
     /// The clients in the order of their first stream; a [`ClientIndex`] is a position here.
     pub fn clients(&self) -> &[Client] {
-        &self.clients
+        &self.parts.clients
     }
 
     /// The client at `index`.
     pub fn client(&self, index: ClientIndex) -> Option<&Client> {
-        self.clients.get(index.0 as usize)
+        self.parts.clients.get(index.0 as usize)
     }
 
     /// The items whose solves are outstanding: of each client the last one. Of the server's own closures
@@ -196,67 +174,71 @@ impl Map {
             let is_open = unsolved.sequence > client.optimized_sequence;
             is_open.then_some((ClientIndex(index), unsolved))
         };
-        let unsolved = self.place_searches.unsolved();
+        let unsolved = self.parts.place_searches.unsolved;
         let found = PendingSolve { sequence: unsolved, request: SolveRequest::LoopClosure };
         let found = (unsolved > 0).then_some((ClientIndex::SERVER, found));
-        (0..).zip(&self.clients).filter_map(outstanding).chain(found).collect()
+        (0..).zip(&self.parts.clients).filter_map(outstanding).chain(found).collect()
     }
 
     /// The client called `name`.
     pub fn client_named(&self, name: &str) -> Option<ClientIndex> {
-        let index = self.clients.iter().position(|c| c.name == name)?;
+        let index = self.parts.clients.iter().position(|c| c.name == name)?;
         u32::try_from(index).ok().map(ClientIndex)
     }
 
     /// The cameras.
     pub fn cameras(&self) -> &BTreeMap<EntityId, CameraEntity> {
-        &self.cameras
+        &self.parts.cameras
     }
 
     /// The keyframes.
     pub fn keyframes(&self) -> &SharedMap<EntityId, Keyframe> {
-        &self.keyframes
+        &self.parts.keyframes
     }
 
     /// The landmarks, those without a position too.
     pub fn landmarks(&self) -> &SharedMap<EntityId, Landmark> {
-        &self.landmarks
+        &self.parts.landmarks
     }
 
     /// The relative-pose constraints, those that are switched off too.
     pub fn constraints(&self) -> &SharedMap<EntityId, Constraint> {
-        &self.constraints
+        &self.parts.constraints
     }
 
     /// The loop closures and position priors that do not count.
     pub fn switched_off(&self) -> &BTreeMap<EntityId, SwitchedOff> {
-        &self.switched_off
+        &self.parts.switched_off
     }
 
     /// Whether a constraint or a prior has this id.
     fn has_constraint(&self, id: EntityId) -> bool {
-        self.constraints.contains_key(&id) || self.priors.contains_key(&id)
+        self.parts.constraints.contains_key(&id) || self.parts.priors.contains_key(&id)
     }
 
     /// A relative-pose constraint, if it counts.
     pub fn active_constraint(&self, id: EntityId) -> Option<&Constraint> {
-        self.constraints.get(&id).filter(|_| !self.switched_off.contains_key(&id))
+        self.parts.constraints.get(&id).filter(|_| !self.parts.switched_off.contains_key(&id))
     }
 
     /// The relative-pose constraints that count.
     pub fn active_constraints(&self) -> impl Iterator<Item = (EntityId, &Constraint)> {
-        let active = self.constraints.iter().filter(|(id, _)| !self.switched_off.contains_key(id));
+        let active = self
+            .parts
+            .constraints
+            .iter()
+            .filter(|(id, _)| !self.parts.switched_off.contains_key(id));
         active.map(|(&id, constraint)| (id, constraint))
     }
 
     /// A prior, if it counts.
     pub fn active_prior(&self, id: EntityId) -> Option<&Prior> {
-        self.priors.get(&id).filter(|_| !self.switched_off.contains_key(&id))
+        self.parts.priors.get(&id).filter(|_| !self.parts.switched_off.contains_key(&id))
     }
 
     /// The priors, those that are switched off too.
     pub fn priors(&self) -> &SharedMap<EntityId, Prior> {
-        &self.priors
+        &self.parts.priors
     }
 
     /// The constraints and priors of each keyframe.
@@ -276,8 +258,8 @@ impl Map {
 
     /// The keyframes of `client`, by capture time, then id.
     pub fn trajectory(&self, client: ClientIndex) -> Vec<(EntityId, &Keyframe)> {
-        let range = EntityId::new(client, i64::MIN)..=EntityId::new(client, i64::MAX);
-        let mut keyframes: Vec<_> = self.keyframes.range(range).map(|(&id, k)| (id, k)).collect();
+        let mut keyframes: Vec<_> =
+            self.parts.keyframes.range(client.ids()).map(|(&id, k)| (id, k)).collect();
         keyframes.sort_by_key(|&(id, k)| (k.capture_time_ns, id));
         keyframes
     }

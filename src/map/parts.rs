@@ -14,7 +14,7 @@ use super::{
 };
 
 /// What a map consists of. [`Landmark::observers`] is not read: it follows from the keyframes.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapParts {
     /// See [`Map::revision`].
     pub revision: i64,
@@ -61,43 +61,22 @@ pub struct MapParts {
 impl Map {
     /// How many solves were applied.
     pub fn solve_count(&self) -> i64 {
-        self.solve_count
+        self.parts.solve_count
     }
 
     /// The last solve that named its request. It is no part of the hashes: it says nothing of the map.
     pub fn last_request(&self) -> Option<&LastRequest> {
-        self.last_request.as_ref()
+        self.parts.last_request.as_ref()
     }
 
     /// The digests of cameras, keyframes and constraints as they were sent.
     pub fn contents(&self) -> &SharedMap<(Content, EntityId), Digest> {
-        &self.contents
+        &self.parts.contents
     }
 
     /// The parts of the map; lists are shared, not copied, where possible.
     pub fn to_parts(&self) -> MapParts {
-        MapParts {
-            revision: self.revision,
-            create_time_ns: self.create_time_ns,
-            update_time_ns: self.update_time_ns,
-            display_name: self.display_name.clone(),
-            policy: self.policy,
-            frozen: self.frozen,
-            solve_count: self.solve_count,
-            clients: self.clients.clone(),
-            cameras: self.cameras.clone(),
-            keyframes: self.keyframes.clone(),
-            landmarks: self.landmarks.clone(),
-            constraints: self.constraints.clone(),
-            switched_off: self.switched_off.clone(),
-            priors: self.priors.clone(),
-            duplicates: self.duplicates.clone(),
-            place_searches: self.place_searches.clone(),
-            adjustment_due: self.adjustment_due,
-            last_request: self.last_request,
-            merged: self.merged.clone(),
-            contents: self.contents.clone(),
-        }
+        self.parts.clone()
     }
 
     /// The map as it begins on a server that imports it: created at this time by the server's clock,
@@ -110,10 +89,10 @@ impl Map {
         display_name: Option<String>,
         policy: Option<MapPolicy>,
     ) -> Self {
-        (self.create_time_ns, self.update_time_ns) = (create_time_ns, create_time_ns);
-        self.display_name = display_name.unwrap_or(self.display_name);
-        self.policy = policy.unwrap_or(self.policy);
-        self.merged.clear();
+        (self.parts.create_time_ns, self.parts.update_time_ns) = (create_time_ns, create_time_ns);
+        self.parts.display_name = display_name.unwrap_or(self.parts.display_name);
+        self.parts.policy = policy.unwrap_or(self.parts.policy);
+        self.parts.merged.clear();
         self
     }
 
@@ -121,50 +100,36 @@ impl Map {
     ///
     /// # Errors
     /// [`MapError::Unknown`] where a part refers to something that no part has.
-    pub fn from_parts(parts: MapParts) -> Result<Self, MapError> {
-        let MapParts {
-            revision,
-            create_time_ns,
-            update_time_ns,
-            display_name,
-            policy,
-            frozen,
-            solve_count,
-            clients,
-            cameras,
-            keyframes,
-            mut landmarks,
-            constraints,
-            switched_off,
-            priors,
-            duplicates,
-            place_searches,
-            adjustment_due,
-            last_request,
-            merged,
-            contents,
-        } = parts;
+    pub fn from_parts(mut parts: MapParts) -> Result<Self, MapError> {
+        let revision = parts.revision;
         let unknown = |kind, id| MapError::Unknown { revision, kind, id };
+        let MapParts { cameras, keyframes, landmarks, constraints, priors, .. } = &mut parts;
         let ids: Vec<EntityId> = landmarks.keys().copied().collect();
         let mut observers: Vec<Vec<EntityId>> = vec![Vec::new(); ids.len()];
+        let age = |id: EntityId| keyframes.get(&id).map_or(0, |known| known.added_revision);
+        let mut covisibility = Covisibility::default();
         let mut observation_count = 0;
         let mut descriptor_bytes = 0;
         // By rising id, so that each list of observers is sorted.
-        for (&id, keyframe) in &keyframes {
+        for (&id, keyframe) in &*keyframes {
             if let Some(camera) = keyframe.camera.filter(|camera| !cameras.contains_key(camera)) {
                 return Err(unknown(EntityKind::Camera, camera));
             }
             observation_count += keyframe.observations.len() as u64;
             descriptor_bytes += super::usage::descriptor_bytes(&keyframe.observations)
                 + super::usage::image_bytes(keyframe.global_descriptor.as_deref());
+            let mut sharing = Vec::new();
             for observation in keyframe.observations.iter() {
                 let seen = observation.landmark;
                 let place = ids.binary_search(&seen);
                 let place = place.map_err(|_place| unknown(EntityKind::Landmark, seen))?;
-                if observers[place].last() != Some(&id) {
-                    observers[place].push(id);
+                let observers = &mut observers[place];
+                if observers.last() != Some(&id) {
+                    covisibility.observe(seen, observers, id, age, &mut sharing);
+                    observers.push(id);
                 }
             }
+            covisibility.add(id, &mut sharing);
         }
         for (landmark, observers) in landmarks.values_mut().zip(observers) {
             landmark.observers = observers.into();
@@ -177,15 +142,6 @@ impl Map {
                 return Err(unknown(EntityKind::Keyframe, id));
             }
         }
-        if let Some(&id) =
-            switched_off.keys().find(|id| !constraints.contains_key(id) && !priors.contains_key(id))
-        {
-            return Err(unknown(EntityKind::Constraint, id));
-        }
-        let joined = duplicates.pairs().flat_map(|(a, b, _)| [a, b]);
-        if let Some(id) = joined.into_iter().find(|id| !landmarks.contains_key(id)) {
-            return Err(unknown(EntityKind::Landmark, id));
-        }
         let mut by_age: Vec<_> =
             keyframes.iter().map(|(&id, k)| ((k.added_revision, id), ())).collect();
         by_age.sort_unstable();
@@ -194,38 +150,16 @@ impl Map {
         let mut unseen: Vec<_> = unseen.map(|(&id, l)| ((l.added_revision, id), ())).collect();
         unseen.sort_unstable();
         let unseen = unseen.into_iter().collect();
-        let covisibility = Covisibility::product(&keyframes);
-        let ties = Ties::new(
-            constraints.iter().map(|(&id, constraint)| (id, constraint)),
-            priors.iter().map(|(&id, prior)| (id, prior)),
-        );
-        Ok(Self {
-            revision,
-            create_time_ns,
-            update_time_ns,
-            display_name,
-            policy,
-            frozen,
-            clients,
-            cameras,
-            keyframes,
-            landmarks,
-            constraints,
-            switched_off,
-            priors,
-            duplicates,
-            place_searches,
-            adjustment_due,
-            last_request,
-            merged,
-            ties,
-            covisibility,
-            observation_count,
-            descriptor_bytes,
-            by_age,
-            unseen,
-            solve_count,
-            contents,
-        })
+        let ties = Ties::new(constraints, priors);
+        let map =
+            Self { parts, ties, covisibility, observation_count, descriptor_bytes, by_age, unseen };
+        if let Some(&id) = map.switched_off().keys().find(|id| !map.has_constraint(**id)) {
+            return Err(unknown(EntityKind::Constraint, id));
+        }
+        let is_unknown = |id: &EntityId| !map.landmarks().contains_key(id);
+        if let Some(id) = map.duplicates().pairs().flat_map(|(a, b, _)| [a, b]).find(is_unknown) {
+            return Err(unknown(EntityKind::Landmark, id));
+        }
+        Ok(map)
     }
 }

@@ -68,44 +68,14 @@ impl PlaceSearch {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlaceSearches {
     /// Keyframes whose place is to be searched, with the revision that brought their descriptors.
-    pending: SharedMap<EntityId, i64>,
-    /// By keyframe.
-    done: SharedMap<EntityId, PlaceSearch>,
+    pub pending: SharedMap<EntityId, i64>,
+    /// What was found, by keyframe.
+    pub done: SharedMap<EntityId, PlaceSearch>,
     /// The last revision that added closures which no pose graph has covered; 0 where there is none.
-    unsolved: i64,
+    pub unsolved: i64,
 }
 
 impl PlaceSearches {
-    /// The keyframes whose place is to be searched, with the revision that asks for it, by id.
-    pub fn pending(&self) -> &SharedMap<EntityId, i64> {
-        &self.pending
-    }
-
-    /// What was found, by keyframe.
-    pub fn done(&self) -> &SharedMap<EntityId, PlaceSearch> {
-        &self.done
-    }
-
-    /// The last revision that added closures which no pose graph has covered; 0 where there is none.
-    pub fn unsolved(&self) -> i64 {
-        self.unsolved
-    }
-
-    /// Adds what a snapshot holds.
-    pub fn extend(
-        &mut self,
-        pending: impl IntoIterator<Item = (EntityId, i64)>,
-        done: impl IntoIterator<Item = (EntityId, PlaceSearch)>,
-    ) {
-        self.pending.extend(pending);
-        self.done.extend(done);
-    }
-
-    /// Sets [`PlaceSearches::unsolved`], from a snapshot.
-    pub fn set_unsolved(&mut self, revision: i64) {
-        self.unsolved = revision;
-    }
-
     /// A keyframe gets observations at `revision`.
     pub(super) fn observed(&mut self, keyframe: EntityId, added: &[Observation], revision: i64) {
         if added.iter().any(is_searchable) {
@@ -163,7 +133,7 @@ fn is_searchable(observation: &Observation) -> bool {
 impl Map {
     /// What the searches for known places found.
     pub fn place_searches(&self) -> &PlaceSearches {
-        &self.place_searches
+        &self.parts.place_searches
     }
 
     /// Estimated memory of the descriptors and of an index of them, part of [`Map::usage`].

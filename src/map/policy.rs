@@ -9,7 +9,7 @@ use covis_solvers::robust::{Kernel, default_threshold};
 
 use super::MapLimits;
 
-/// What happens to an item for which a full map has no room.
+/// What happens to an item for which a full map has no room. Journals have the place in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WhenFull {
     /// It is refused; its stream ends.
@@ -22,7 +22,8 @@ pub enum WhenFull {
     Sparsify,
 }
 
-/// What fixes the map's frame where the measurements do not determine it.
+/// What fixes the map's frame where the measurements do not determine it. Journals have the place in
+/// this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Gauge {
     /// Priors; in each connected piece of the map that has none its first keyframe.

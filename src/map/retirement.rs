@@ -76,11 +76,8 @@ pub fn redundant_keyframes(map: &Map, share: f64) -> Vec<EntityId> {
 /// [`redundant_keyframes`] says.
 #[must_use]
 pub fn retire_redundant(map: &Map, keyframe: EntityId, share: f64) -> Option<Retired> {
-    let is_protected = || {
-        let newer =
-            EntityId::new(keyframe.client, i64::MIN)..=EntityId::new(keyframe.client, i64::MAX);
-        map.keyframes.range(newer).take(PROTECTED + 1).count() <= PROTECTED
-    };
+    let is_protected =
+        || map.keyframes().range(keyframe.client.ids()).take(PROTECTED + 1).count() <= PROTECTED;
     let entity = map.keyframes().get(&keyframe)?;
     (is_redundant(map, keyframe, share) && !is_protected()).then(|| retired(map, keyframe, entity))
 }
@@ -95,9 +92,8 @@ fn candidates(map: &Map) -> impl Iterator<Item = EntityId> + '_ {
     let mut gone: BTreeMap<_, usize> = BTreeMap::new();
     map.by_age.keys().map(|&(_, id)| id).filter(move |id| {
         let gone = gone.entry(id.client).or_default();
-        let all = EntityId::new(id.client, i64::MIN)..=EntityId::new(id.client, i64::MAX);
         let needed = PROTECTED + *gone + 1;
-        let may_go = map.keyframes.range(all).take(needed).count() == needed;
+        let may_go = map.keyframes().range(id.client.ids()).take(needed).count() == needed;
         *gone += usize::from(may_go);
         may_go
     })
@@ -169,9 +165,9 @@ fn earlier(map: &Map, problem: &MapProblem) -> BTreeMap<(EntityId, EntityId), En
     let tied: BTreeSet<EntityId> = held.iter().flat_map(|&id| map.ties().of(id)).collect();
     let pair = |id: EntityId| {
         let constraint = map.constraints().get(&id)?;
-        let (i, j) = (constraint.keyframe_i, constraint.keyframe_j);
+        let (i, j) = constraint.pair();
         let is_earlier = constraint.kind == ConstraintKind::Marginal;
-        (is_earlier && held.contains(&i) && held.contains(&j)).then(|| ((i.min(j), i.max(j)), id))
+        (is_earlier && held.contains(&i) && held.contains(&j)).then_some(((i, j), id))
     };
     tied.into_iter().filter_map(pair).collect()
 }

@@ -30,13 +30,15 @@ impl Map {
     /// priors that are the server's own come from keyframes that were retired.
     pub fn has_metric_scale(&self) -> bool {
         let has_depth = |seen: &Observation| seen.depth.is_some();
-        self.keyframes.values().any(|keyframe| keyframe.observations.iter().any(has_depth))
+        self.keyframes().values().any(|keyframe| keyframe.observations.iter().any(has_depth))
             || self.has_distant_priors()
     }
 
     fn has_distant_priors(&self) -> bool {
-        let counts =
-            self.priors.iter().filter(|(id, _)| id.id >= 0 && !self.switched_off.contains_key(id));
+        let counts = self
+            .priors()
+            .iter()
+            .filter(|(id, _)| id.id >= 0 && !self.switched_off().contains_key(id));
         let positions: Vec<(Vector3<f64>, f64)> =
             counts.filter_map(|(_, prior)| measured_position(prior)).collect();
         let Some(best) = positions.iter().min_by(|a, b| a.1.total_cmp(&b.1)) else { return false };

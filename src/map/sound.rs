@@ -39,28 +39,32 @@ impl Map {
     /// # Errors
     /// [`MapError::Unsound`] with the first entity that no event makes, [`MapError::UnsoundMap`].
     pub fn check_sound(&self) -> Result<(), MapError> {
-        let counts = [self.solve_count, self.update_time_ns.saturating_sub(self.create_time_ns)];
-        let counts = counts.into_iter().all(|count| count >= 0) && self.solve_count <= MAX_NUMBER;
+        let counts =
+            [self.solve_count(), self.update_time_ns().saturating_sub(self.create_time_ns())];
+        let counts = counts.into_iter().all(|count| count >= 0) && self.solve_count() <= MAX_NUMBER;
         check_map(counts, "the map's times or its number of solves are not possible")?;
-        check_map((1..=MAX_NUMBER).contains(&self.revision), "the map's revision is not possible")?;
-        let losses = [self.policy.observation_loss, self.policy.constraint_loss];
+        check_map(
+            (1..=MAX_NUMBER).contains(&self.revision()),
+            "the map's revision is not possible",
+        )?;
+        let losses = [self.policy().observation_loss, self.policy().constraint_loss];
         check_map(losses.iter().all(|loss| loss.is_valid()), "a loss is not possible")?;
-        let anchor = self.policy.geodetic_anchor.is_none_or(|anchor| anchor.is_valid());
+        let anchor = self.policy().geodetic_anchor.is_none_or(|anchor| anchor.is_valid());
         check_map(anchor, "the map's geodetic anchor is not possible")?;
         self.clients_are_sound()?;
-        for (&id, entity) in &self.cameras {
+        for (&id, entity) in self.cameras() {
             self.own(id, EntityKind::Camera)?;
             let is_valid = is_valid_camera(&entity.camera);
             check(is_valid, EntityKind::Camera, id, "has parameters that are not possible")?;
         }
-        self.keyframes.iter().try_for_each(|(&id, keyframe)| self.keyframe(id, keyframe))?;
-        self.landmarks.iter().try_for_each(|(&id, landmark)| self.landmark(id, landmark))?;
+        self.keyframes().iter().try_for_each(|(&id, keyframe)| self.keyframe(id, keyframe))?;
+        self.landmarks().iter().try_for_each(|(&id, landmark)| self.landmark(id, landmark))?;
         self.constraints_are_sound()?;
-        for (&id, off) in &self.switched_off {
+        for (&id, off) in self.switched_off() {
             let is_finite = off.chi2.is_finite() && off.weight.is_finite();
             check(is_finite, EntityKind::Constraint, id, "is switched off by what is no number")?;
         }
-        for &id in self.duplicates.compared() {
+        for &id in self.duplicates().compared() {
             // It may have been revoked a moment ago.
             check(
                 self.client(id.client).is_some(),
@@ -70,16 +74,16 @@ impl Map {
             )?;
         }
         self.searches_are_sound()?;
-        let clients = self.merged.iter().flat_map(|merged| &merged.clients);
+        let clients = self.merged().iter().flat_map(|merged| &merged.clients);
         let known = clients.into_iter().all(|client| self.client(client.index).is_some());
         check_map(known, "a merged map has a client that is not possible")?;
-        let placed = self.merged.iter().map(|merged| &merged.target_from_source);
+        let placed = self.merged().iter().map(|merged| &merged.target_from_source);
         let placed = placed.into_iter().all(|at| at.is_finite() && SCALES.contains(&at.scale));
         check_map(placed, "a merged map lies where it cannot")?;
-        for &(content, id) in self.contents.keys() {
+        for &(content, id) in self.contents().keys() {
             let (kind, is_known) = match content {
-                Content::Camera => (EntityKind::Camera, self.cameras.contains_key(&id)),
-                Content::Keyframe => (EntityKind::Keyframe, self.keyframes.contains_key(&id)),
+                Content::Camera => (EntityKind::Camera, self.cameras().contains_key(&id)),
+                Content::Keyframe => (EntityKind::Keyframe, self.keyframes().contains_key(&id)),
                 Content::Constraint => (EntityKind::Constraint, self.has_constraint(id)),
             };
             check(is_known, kind, id, "has a digest and is not in the map")?;
@@ -88,11 +92,11 @@ impl Map {
     }
 
     fn clients_are_sound(&self) -> Outcome {
-        let mut names: Vec<&str> = self.clients.iter().map(|c| c.name.as_str()).collect();
+        let mut names: Vec<&str> = self.clients().iter().map(|c| c.name.as_str()).collect();
         names.sort_unstable();
         let twice = names.windows(2).any(|pair| pair[0] == pair[1]);
         check_map(!twice, "two clients have one name")?;
-        for client in &self.clients {
+        for client in self.clients() {
             let Client {
                 name: _,
                 epoch,
@@ -128,20 +132,20 @@ impl Map {
     }
 
     fn searches_are_sound(&self) -> Outcome {
-        let (searches, kind) = (&self.place_searches, EntityKind::Keyframe);
-        let numbers = (0..=self.revision).contains(&searches.unsolved());
+        let (searches, kind) = (self.place_searches(), EntityKind::Keyframe);
+        let numbers = (0..=self.revision()).contains(&searches.unsolved);
         check_map(numbers, "the closures that are to be solved are not possible")?;
-        for (&id, &revision) in searches.pending() {
-            let is_possible = self.keyframes.contains_key(&id) && self.is_revision(revision);
+        for (&id, &revision) in &searches.pending {
+            let is_possible = self.keyframes().contains_key(&id) && self.is_revision(revision);
             check(is_possible, kind, id, "waits for a search that is not possible")?;
         }
-        for (&id, search) in searches.done() {
+        for (&id, search) in &searches.done {
             // Candidates and closures may have gone since.
             let is_known = |id: EntityId| self.client(id.client).is_some();
             let candidates = &search.candidates;
             let refusals = candidates.iter().map(|candidate| &candidate.refusal);
             let mut refusals = refusals.chain([&search.refusal]).flatten();
-            let is_possible = self.keyframes.contains_key(&id)
+            let is_possible = self.keyframes().contains_key(&id)
                 && refusals.all(PlaceRefusal::is_short)
                 && candidates.len() <= PlaceSearch::MOST_CANDIDATES
                 && candidates.iter().all(|c| is_known(c.keyframe) && c.score.is_finite())
@@ -169,7 +173,7 @@ impl Map {
     }
 
     fn is_revision(&self, revision: i64) -> bool {
-        (1..=self.revision).contains(&revision)
+        (1..=self.revision()).contains(&revision)
     }
 
     fn keyframe(&self, id: EntityId, keyframe: &Keyframe) -> Outcome {
@@ -193,7 +197,7 @@ impl Map {
         self.own(id, EntityKind::Landmark)?;
         let positions = [landmark.position, landmark.sent_position];
         test(positions.iter().flatten().all(is_finite), "has a position that is not finite")?;
-        let positioned = (0..=self.revision).contains(&landmark.positioned_revision);
+        let positioned = (0..=self.revision()).contains(&landmark.positioned_revision);
         let revisions = self.is_revision(landmark.added_revision) && positioned;
         test(revisions, "was added at no revision of the map")?;
         let observers = &landmark.observers;
@@ -205,7 +209,7 @@ impl Map {
         let kind = EntityKind::Constraint;
         // Ids of the server are negative; each revision has some thousand.
         let is_id = |id: EntityId, is_ours: bool| id.id >= 0 || (is_ours && id.id >= -MAX_NUMBER);
-        for (&id, constraint) in &self.constraints {
+        for (&id, constraint) in self.constraints() {
             check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
             let ours = [ConstraintKind::Marginal, ConstraintKind::LoopClosure];
             let is_ours = ours.contains(&constraint.kind);
@@ -215,17 +219,15 @@ impl Map {
             let loss = constraint.loss.is_none_or(|loss| loss.is_valid());
             check(ends && measured && loss, kind, id, "measures what is not possible")?;
         }
-        for (&id, prior) in &self.priors {
+        for (&id, prior) in self.priors() {
             check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
             check(is_id(id, true), kind, id, "has an id that is not possible")?;
-            check(!self.constraints.contains_key(&id), kind, id, "is in the map twice")?;
+            check(!self.constraints().contains_key(&id), kind, id, "is in the map twice")?;
             let measured = match prior {
                 Prior::Pose { world_from_camera, loss, .. } => {
                     is_pose(world_from_camera) && loss.is_valid()
                 }
-                Prior::Position { position_in_world, point_in_camera, loss, .. } => {
-                    is_finite(position_in_world) && is_finite(point_in_camera) && loss.is_valid()
-                }
+                Prior::Position { loss, .. } => prior.is_finite() && loss.is_valid(),
             };
             check(measured, kind, id, "measures what is not possible")?;
         }

@@ -9,8 +9,9 @@
 use covis_solvers::initialization::{TriangulationOptions, View, triangulate as triangulate_views};
 use nalgebra::Vector3;
 
+use super::keyframe_pairs::view;
 use super::numbers::is_finite;
-use super::{EntityId, Keyframe, Map, Observation};
+use super::{EntityId, Map};
 
 /// Whether `keyframe` sees a landmark without position.
 #[must_use]
@@ -37,7 +38,8 @@ pub fn triangulate(map: &Map, keyframe: EntityId) -> Vec<(EntityId, Vector3<f64>
                 .iter()
                 .filter_map(|observer| {
                     let keyframe = map.keyframes().get(observer)?;
-                    view(map, keyframe, keyframe.observation_of(id)?)
+                    let pose = keyframe.world_from_camera;
+                    view(map, pose, keyframe, keyframe.observation_of(id)?)
                 })
                 .collect();
             let point = triangulate_views(&views, &options).ok()?.point_in_world;
@@ -46,14 +48,4 @@ pub fn triangulate(map: &Map, keyframe: EntityId) -> Vec<(EntityId, Vector3<f64>
         .collect();
     positions.sort_by_key(|&(id, _)| id);
     positions
-}
-
-fn view(map: &Map, keyframe: &Keyframe, observation: &Observation) -> Option<View> {
-    Some(View {
-        world_from_camera: keyframe.world_from_camera,
-        camera: map.cameras().get(&keyframe.camera?)?.camera,
-        pixel: observation.pixel,
-        sigma_px: observation.sigma_px,
-        depth_m: observation.depth.map(|d| (d.depth_m, d.sigma_m)),
-    })
 }

@@ -260,14 +260,14 @@ const NEW_KEYFRAME: Usage = Usage { keyframes: 1, bytes: KEYFRAME + ITEM, ..NOTH
 impl Map {
     /// What the map holds.
     pub fn usage(&self) -> Usage {
-        let clients = self.clients.len() as u64;
-        let cameras = self.cameras.len() as u64;
-        let keyframes = self.keyframes.len() as u64;
-        let landmarks = self.landmarks.len() as u64;
+        let clients = self.clients().len() as u64;
+        let cameras = self.cameras().len() as u64;
+        let keyframes = self.keyframes().len() as u64;
+        let landmarks = self.landmarks().len() as u64;
         let observations = self.observation_count;
-        let constraints = self.constraints.len() as u64;
-        let priors = self.priors.len() as u64;
-        let items: usize = self.clients.iter().map(|client| client.items.len()).sum();
+        let constraints = self.constraints().len() as u64;
+        let priors = self.priors().len() as u64;
+        let items: usize = self.clients().iter().map(|client| client.items.len()).sum();
         let bytes = clients * CLIENT
             + items as u64 * ITEM
             + cameras * CAMERA
@@ -277,10 +277,10 @@ impl Map {
             + observations * OBSERVATION
             + self.descriptor_bytes
             + constraints * CONSTRAINT
-            + self.switched_off.len() as u64 * SWITCHED_OFF
+            + self.switched_off().len() as u64 * SWITCHED_OFF
             + priors * PRIOR
-            + self.duplicates.len() as u64 * DUPLICATE
-            + self.place_searches.bytes()
+            + self.duplicates().len() as u64 * DUPLICATE
+            + self.place_searches().bytes()
             + self.covisibility.entry_count() * SHARED_PAIR
             + self.covisibility.long_count() * LONG_OBSERVER;
         Usage { clients, cameras, keyframes, landmarks, observations, constraints, priors, bytes }
@@ -290,7 +290,7 @@ impl Map {
     /// are far from every limit, and looking up each landmark to know so is expensive.
     pub fn growth_bound(&self, change: &Change) -> Usage {
         let by_observations = |added: &[Observation]| {
-            let neighbors = (added.len() * 2 * NEAREST).min(self.keyframes.len()) as u64;
+            let neighbors = (added.len() * 2 * NEAREST).min(self.keyframes().len()) as u64;
             growth_by(added, neighbors, added.len() as u64 * (NOT_LONG as u64 + 1))
         };
         self.growth_of(change, |new| growth_by_landmarks(new.len()), by_observations)
@@ -303,7 +303,7 @@ impl Map {
     /// share it that others stood between.
     pub fn growth(&self, change: &Change) -> Usage {
         let by_landmarks = |new: &[NewLandmark]| {
-            let is_new = |new: &&NewLandmark| !self.landmarks.contains_key(&new.id);
+            let is_new = |new: &&NewLandmark| !self.landmarks().contains_key(&new.id);
             growth_by_landmarks(new.iter().filter(is_new).count())
         };
         self.growth_of(change, by_landmarks, |added| self.growth_by(added))
@@ -330,7 +330,7 @@ impl Map {
                 Usage { constraints: 1, bytes: CONSTRAINT + ITEM, ..NOTHING }
             }
             Change::PriorAdded { .. } => Usage { priors: 1, bytes: PRIOR + ITEM, ..NOTHING },
-            Change::CameraSet { id, .. } if !self.cameras.contains_key(id) => {
+            Change::CameraSet { id, .. } if !self.cameras().contains_key(id) => {
                 Usage { cameras: 1, bytes: CAMERA + ITEM, ..NOTHING }
             }
             Change::ClientOpened { name, .. } if self.client_named(name).is_none() => {
@@ -365,7 +365,7 @@ impl Map {
 
     /// Each observer of a landmark that is absorbed may become a neighbor of those of the others.
     fn growth_by_fusing(&self, kept: EntityId, absorbed: &[EntityId]) -> Usage {
-        let observers = |id| self.landmarks.get(id).map_or(0, |l| l.observers.len());
+        let observers = |id| self.landmarks().get(id).map_or(0, |l| l.observers.len());
         let moved: usize = absorbed.iter().map(observers).sum();
         let all = moved + observers(&kept);
         let pairs = (moved as u64).saturating_mul(all.min(2 * NEAREST) as u64);
@@ -379,7 +379,7 @@ impl Map {
         // more neighbors than keyframes.
         let (mut neighbors, mut long) = (0, 0);
         for observation in observations {
-            let known = self.landmarks.get(&observation.landmark);
+            let known = self.landmarks().get(&observation.landmark);
             let observers = known.map_or(0, |landmark| landmark.observers.len());
             neighbors += observers.min(2 * NEAREST);
             long += match observers {
@@ -388,7 +388,7 @@ impl Map {
                 _ => 1,
             };
         }
-        growth_by(observations, neighbors.min(self.keyframes.len()) as u64, long)
+        growth_by(observations, neighbors.min(self.keyframes().len()) as u64, long)
     }
 }
 

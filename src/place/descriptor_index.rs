@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use super::PlaceMatch;
 use super::buckets::{Buckets, Entry};
 use super::hamming::{self, Kernel, distance};
 use super::islands::{Island, islands};
@@ -50,8 +51,7 @@ pub(super) struct Found {
     pub(super) time_ns: (i64, i64),
     /// Sum of the weights of the matches, over the smaller number of descriptors.
     pub(super) score: f64,
-    /// Place in the query, place in the keyframe, different bits.
-    pub(super) matches: Vec<(u16, u16, u32)>,
+    pub(super) matches: Vec<PlaceMatch>,
 }
 
 /// The index.
@@ -259,19 +259,13 @@ impl DescriptorIndex {
 
     /// The keyframes of each client, as places in the order of time.
     fn runs(&self) -> Vec<Range<usize>> {
-        let client = |at: usize| {
-            self.order.get(at).and_then(|&slot| self.key_in_order(slot)).map(|(client, ..)| client)
+        let client = |slot: u32| self.key_in_order(slot).map(|(client, ..)| client);
+        let mut end = 0;
+        let run = |run: &[u32]| {
+            end += run.len();
+            end - run.len()..end
         };
-        let mut runs = Vec::new();
-        let mut start = 0;
-        while start < self.order.len() {
-            let this = client(start);
-            let rest = &self.order[start..];
-            let length = rest.partition_point(|&slot| self.key_in_order(slot).map(|k| k.0) <= this);
-            runs.push(start..start + length.max(1));
-            start += length.max(1);
-        }
-        runs
+        self.order.chunk_by(|&a, &b| client(a) == client(b)).map(run).collect()
     }
 
     /// The query against the best keyframe of an island; `None` where nothing matches.
@@ -290,7 +284,11 @@ impl DescriptorIndex {
         let pairs = hamming::run(Matching { a, b, words: self.words, largest: self.largest });
         let smaller = numbers.len().min(best.numbers.len());
         let score = pairs.iter().map(|pair| weights[pair.a]).sum::<f64>() / smaller as f64;
-        let named = pairs.iter().map(|p| (numbers[p.a], best.numbers[p.b], p.distance));
+        let named = pairs.iter().map(|pair| PlaceMatch {
+            query: usize::from(numbers[pair.a]),
+            candidate: usize::from(best.numbers[pair.b]),
+            distance: pair.distance,
+        });
         (!pairs.is_empty()).then(|| Found {
             keyframe: best.id,
             time_ns: (first, last),

@@ -292,10 +292,7 @@ impl PlaceIndex {
                 candidate.score += share * found.score;
                 candidate.island.first_ns = candidate.island.first_ns.min(first_ns);
                 candidate.island.last_ns = candidate.island.last_ns.max(last_ns);
-                candidate.matches.extend(found.matches.iter().map(|&(query, other, distance)| {
-                    let (query, candidate) = (usize::from(query), usize::from(other));
-                    PlaceMatch { query, candidate, distance }
-                }));
+                candidate.matches.extend(found.matches);
             }
         }
         let mut candidates: Vec<Candidate> = candidates.into_values().collect();

@@ -9,23 +9,17 @@ use std::sync::Arc;
 use async_trait::async_trait;
 use tokio::sync::watch;
 
-use super::reader::PIECE_EVENTS;
-use super::{
-    Damage, Durability, Epoch, EventReader, Flushed, Piece, Position, Store, StoreError,
-    sequence_of,
-};
+use super::{Damage, Durability, Epoch, Flushed, Position, Store, StoreError, sequence_of};
 use crate::map::{Event, Map};
 use crate::sync::Mutex;
 
 /// A store that a restart empties.
 #[derive(Debug, Default)]
 pub struct MemoryStore {
-    maps: Arc<Maps>,
+    maps: Mutex<BTreeMap<String, Journal>>,
     /// Epochs rise over the store's whole life, so that one of a deleted map fits no later map.
     last_epoch: Mutex<u64>,
 }
-
-type Maps = Mutex<BTreeMap<String, Journal>>;
 
 #[derive(Debug)]
 struct Journal {
@@ -39,19 +33,6 @@ struct Journal {
 impl Journal {
     fn last_sequence(&self) -> u64 {
         self.dropped + self.events.len() as u64
-    }
-
-    /// The events behind `from` of the map that `map` names.
-    fn after(
-        &self,
-        from: u64,
-        map: impl Fn() -> String,
-    ) -> Result<impl Iterator<Item = &Arc<Event>>, StoreError> {
-        let Some(skip) = from.checked_sub(self.dropped) else {
-            return Err(StoreError::Truncated { map: map(), through: self.dropped });
-        };
-        let skip = usize::try_from(skip).unwrap_or(usize::MAX);
-        Ok(self.events.iter().skip(skip))
     }
 
     fn check_epoch(&self, map: &str, epoch: Epoch) -> Result<(), StoreError> {
@@ -88,55 +69,20 @@ impl MemoryStore {
     }
 }
 
-/// Reads a journal while it grows.
-struct Reader {
-    maps: Arc<Maps>,
-    map: String,
-    /// The last event that was read.
-    at: u64,
-    through: u64,
-}
-
-#[async_trait]
-impl EventReader for Reader {
-    async fn next(&mut self) -> Result<Piece, StoreError> {
-        let map = || self.map.clone();
-        let left = usize::try_from(self.through.saturating_sub(self.at)).unwrap_or(usize::MAX);
-        let maps = self.maps.lock();
-        let journal = maps.get(&self.map).ok_or_else(|| StoreError::UnknownMap { map: map() })?;
-        let events: Vec<_> =
-            journal.after(self.at, map)?.take(left.min(PIECE_EVENTS)).cloned().collect();
-        drop(maps);
-        self.at += events.len() as u64;
-        Ok(Piece { events, bytes: 0 })
-    }
-}
-
 #[async_trait]
 impl Store for MemoryStore {
     async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
         Ok(self.maps.lock().keys().cloned().collect())
     }
 
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
+    async fn create_map(&self, map: &str, snapshot: Option<Arc<Map>>) -> Result<Epoch, StoreError> {
         let epoch = self.next_epoch();
         let mut maps = self.maps.lock();
         if maps.contains_key(map) {
             return Err(StoreError::MapExists { map: map.to_owned() });
         }
-        let journal = Journal { epoch, events: Vec::new(), dropped: 0, snapshot: None };
-        maps.insert(map.to_owned(), journal);
-        Ok(epoch)
-    }
-
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
-        let epoch = self.next_epoch();
-        let mut maps = self.maps.lock();
-        if maps.contains_key(map) {
-            return Err(StoreError::MapExists { map: map.to_owned() });
-        }
-        let dropped = sequence_of(snapshot.revision());
-        let journal = Journal { epoch, events: Vec::new(), dropped, snapshot: Some(snapshot) };
+        let dropped = snapshot.as_ref().map_or(0, |map| sequence_of(map.revision()));
+        let journal = Journal { epoch, events: Vec::new(), dropped, snapshot };
         maps.insert(map.to_owned(), journal);
         Ok(epoch)
     }
@@ -190,17 +136,14 @@ impl Store for MemoryStore {
     }
 
     async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError> {
-        self.with(map, |journal| Ok(journal.after(from, || map.to_owned())?.cloned().collect()))
-    }
-
-    async fn reader(
-        &self,
-        map: &str,
-        from: u64,
-        through: u64,
-    ) -> Result<Box<dyn EventReader>, StoreError> {
-        let (maps, map) = (Arc::clone(&self.maps), map.to_owned());
-        Ok(Box::new(Reader { maps, map, at: from, through }))
+        self.with(map, |journal| {
+            let through = journal.dropped;
+            let Some(skip) = from.checked_sub(through) else {
+                return Err(StoreError::Truncated { map: map.to_owned(), through });
+            };
+            let skip = usize::try_from(skip).unwrap_or(usize::MAX);
+            Ok(journal.events.iter().skip(skip).cloned().collect())
+        })
     }
 
     async fn put_snapshot(

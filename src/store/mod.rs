@@ -111,6 +111,19 @@ impl Flushed {
     }
 }
 
+/// Waits until the event with a sequence is durable.
+///
+/// # Errors
+/// Why it does not become durable, or not soon.
+async fn wait_durable(
+    mut flushed: watch::Receiver<Flushed>,
+    sequence: u64,
+) -> Result<(), StoreError> {
+    let reached = flushed.wait_for(|f| f.through >= sequence || f.trouble().is_some()).await;
+    // Whoever tells how far it is still does.
+    reached.ok().and_then(|flushed| flushed.trouble().cloned()).map_or(Ok(()), Err)
+}
+
 /// The sequence of a revision; a negative revision is no sequence at all and reads as 0.
 fn sequence_of(revision: i64) -> u64 {
     u64::try_from(revision).unwrap_or(0)
@@ -130,19 +143,14 @@ pub trait Store: Send + Sync + 'static {
     /// [`StoreError`] when the store cannot be read.
     async fn list_maps(&self) -> Result<Vec<String>, StoreError>;
 
-    /// Creates a map with an empty journal and acquires it. A map without an event is gone after a
-    /// restart. Where the call is dropped before it answers, the name stays free.
+    /// Creates a map and acquires it. With an empty journal it is gone after a restart as long as it has
+    /// no event, and where the call is dropped before it answers, the name stays free. One that begins
+    /// with a snapshot, at its revision, is durable when the call answers; a crash before that leaves no
+    /// map.
     ///
     /// # Errors
     /// [`StoreError::MapExists`], [`StoreError::Unavailable`].
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError>;
-
-    /// Creates a map that begins with a snapshot, at its revision, and acquires it. It is durable
-    /// when the call answers; a crash before that leaves no map.
-    ///
-    /// # Errors
-    /// [`StoreError::MapExists`], [`StoreError::Unavailable`].
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError>;
+    async fn create_map(&self, map: &str, snapshot: Option<Arc<Map>>) -> Result<Epoch, StoreError>;
 
     /// Deletes a map with its journal and snapshot, also where nobody waits for the answer any more.
     /// Where it fails either nothing has changed, or the map's journal has stopped; then the same call

@@ -25,7 +25,7 @@ fn sequences(events: &[Arc<Event>]) -> Vec<i64> {
 #[tokio::test]
 async fn a_journal_keeps_its_order_and_refuses_gaps() {
     let store = MemoryStore::new();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     let position = store.append("a", epoch, 0, events(1..=3)).await.unwrap();
     let (durable, snapshot_due) = (false, false);
     assert_eq!(position, Position { sequence: 3, durable, snapshot_due, waiting_bytes: 0 });
@@ -47,7 +47,7 @@ async fn a_journal_keeps_its_order_and_refuses_gaps() {
 #[tokio::test]
 async fn a_newer_writer_fences_the_older_one() {
     let store = MemoryStore::new();
-    let first = store.create_map("a").await.unwrap();
+    let first = store.create_map("a", None).await.unwrap();
     let second = store.acquire("a").await.unwrap();
     assert!(second > first);
     let fenced = StoreError::Fenced { map: "a".to_owned(), epoch: first, newest: second };
@@ -57,17 +57,20 @@ async fn a_newer_writer_fences_the_older_one() {
     store.append("a", second, 0, events(1..=1)).await.unwrap();
     // A map made anew under the old name does not know the old writer.
     store.delete_map("a").await.unwrap();
-    store.create_map("a").await.unwrap();
+    store.create_map("a", None).await.unwrap();
     assert!(store.append("a", second, 0, events(1..=1)).await.is_err());
 }
 
 #[tokio::test]
 async fn maps_are_created_listed_and_deleted() {
     let store = MemoryStore::new();
-    store.create_map("b").await.unwrap();
-    store.create_map("a").await.unwrap();
+    store.create_map("b", None).await.unwrap();
+    store.create_map("a", None).await.unwrap();
     assert_eq!(store.list_maps().await.unwrap(), ["a", "b"]);
-    assert_eq!(store.create_map("a").await, Err(StoreError::MapExists { map: "a".to_owned() }));
+    assert_eq!(
+        store.create_map("a", None).await,
+        Err(StoreError::MapExists { map: "a".to_owned() })
+    );
     store.delete_map("b").await.unwrap();
     let unknown = StoreError::UnknownMap { map: "b".to_owned() };
     assert_eq!(store.delete_map("b").await, Err(unknown.clone()));
@@ -80,7 +83,7 @@ async fn maps_are_created_listed_and_deleted() {
 #[tokio::test]
 async fn events_are_dropped_only_behind_a_snapshot() {
     let store = MemoryStore::new();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     store.append("a", epoch, 0, events(1..=6)).await.unwrap();
     let map = "a".to_owned();
     let refused = store.truncate("a", epoch, 5).await;

@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 
 use covis::map::{
     Change, Comparison, ConstraintKind, Edit, EntityId, EntityRef, GlobalOptions, GraphPairs, Item,
-    ItemLandmark, ItemObservation, Map, MapPolicy, SolveKind, WhenFull, applied, choose_window,
-    find_duplicates, global_problem, retire,
+    ItemLandmark, ItemObservation, Map, MapPolicy, SolveKind, Solved, WhenFull, applied,
+    choose_window, find_duplicates, global_problem, retire,
 };
 use covis_solvers::interrupt::Interrupt;
 use nalgebra::Vector3;
@@ -124,7 +124,7 @@ fn duplicates_are_one_variable_and_close_covisibility() {
     assert!(window.landmarks.contains(&id(10 + AGAIN)));
 
     joined.problem.landmarks.iter_mut().for_each(|position| position.z += 0.5);
-    let solve = applied(map, &joined, SolveKind::Global, Vec::new(), (2.0, 1.0));
+    let solve = applied(map, Solved::Bundle(&joined), SolveKind::Global, Vec::new(), (2.0, 1.0));
     journal.push(Change::SolveApplied { solve });
     for (a, b) in pairs(&journal.map) {
         let position = |id: EntityId| journal.map.landmarks().get(&id).unwrap().position.unwrap();

@@ -5,7 +5,7 @@
 
 use covis::map::{
     Affected, AppliedSolve, Change, ConstraintKind, Edit, GlobalOptions, Item, ItemLandmark,
-    MapPolicy, SolveKind, SwitchedOff, affected, applied, choose_window, global_problem,
+    MapPolicy, SolveKind, Solved, SwitchedOff, affected, applied, choose_window, global_problem,
 };
 use covis_solvers::geometry::{Camera, Snavely};
 use nalgebra::Vector3;
@@ -90,8 +90,10 @@ fn a_solve_leaves_alone_what_was_edited_while_it_ran() {
 
     let merge = |journal: &Journal| {
         let map = &journal.map;
-        let bundle = applied(map, &bundle, SolveKind::Global, Vec::new(), (2.0, 1.0));
-        let graph = applied(map, &graph, SolveKind::PoseGraph, Vec::new(), (2.0, 1.0));
+        let bundle =
+            applied(map, Solved::Bundle(&bundle), SolveKind::Global, Vec::new(), (2.0, 1.0));
+        let graph =
+            applied(map, Solved::Graph(&graph), SolveKind::PoseGraph, Vec::new(), (2.0, 1.0));
         for solve in [bundle.clone(), graph.clone()] {
             let mut journal = journal.clone();
             journal.push(Change::SolveApplied { solve });

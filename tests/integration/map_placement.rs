@@ -1,7 +1,7 @@
 //! Which landmarks a local solve may move: those that their observers pin down.
 
 use covis::map::{
-    EntityRef, Item, ItemLandmark, Map, MapPolicy, SolveKind, applied, choose_window,
+    EntityRef, Item, ItemLandmark, Map, MapPolicy, SolveKind, Solved, applied, choose_window,
     global_problem, local_problem,
 };
 use nalgebra::Vector3;
@@ -53,7 +53,13 @@ fn a_landmark_that_a_window_throws_away_stays_where_it_was() {
     let mut problem = local_problem(&map, &choose_window(&map, &[id(1)]));
     let mut outcome = |position: Vector3<f64>| {
         problem.problem.landmarks[0] = position;
-        let solve = applied(&map, &problem, SolveKind::LocalBundle, vec![(ROBOT, 2)], (1.0, 0.5));
+        let solve = applied(
+            &map,
+            Solved::Bundle(&problem),
+            SolveKind::LocalBundle,
+            vec![(ROBOT, 2)],
+            (1.0, 0.5),
+        );
         solve.landmarks.iter().find(|(landmark, _)| *landmark == id(0)).map(|&(_, p)| p)
     };
     let near = Vector3::new(0.5, 0.0, 4.1);

@@ -32,7 +32,7 @@ fn street(policy: MapPolicy) -> Journal {
 }
 
 fn pending(map: &Map) -> Vec<i64> {
-    map.place_searches().pending().keys().map(|keyframe| keyframe.id).collect()
+    map.place_searches().pending.keys().map(|keyframe| keyframe.id).collect()
 }
 
 /// Keyframe 3 is found to show the place of keyframe 0.
@@ -71,7 +71,7 @@ fn a_keyframe_with_descriptors_waits_for_its_search_until_it_is_done() {
     assert_eq!(pending(&journal.map), [0, 1, 2, 3]);
     let closure = found(&mut journal);
     assert_eq!(pending(&journal.map), [0, 1, 2]);
-    let search = &journal.map.place_searches().done().get(&id(3)).unwrap();
+    let search = &journal.map.place_searches().done.get(&id(3)).unwrap();
     assert_eq!(search.closure, Some(closure));
     assert!(journal.map.constraints().contains_key(&closure));
     // A snapshot goes on from there, and so does a replayed journal.
@@ -127,10 +127,10 @@ fn a_closure_of_the_server_can_be_revoked_and_goes_with_its_keyframe() {
     journal.send(ROBOT, &Item::Edit(Edit::RevokeConstraint { constraint })).unwrap();
     assert!(!journal.map.constraints().contains_key(&closure));
     // What was found stays, so that nobody wonders what the closure was.
-    assert!(journal.map.place_searches().done().contains_key(&id(3)));
+    assert!(journal.map.place_searches().done.contains_key(&id(3)));
     let keyframe = EntityRef::own(3);
     journal.send(ROBOT, &Item::Edit(Edit::RemoveKeyframe { keyframe })).unwrap();
-    assert!(journal.map.place_searches().done().is_empty());
+    assert!(journal.map.place_searches().done.is_empty());
     assert_eq!(pending(&journal.map), [0, 1, 2]);
 }
 
@@ -159,7 +159,7 @@ fn a_reason_is_short() {
     let with = |refusal| {
         let mut parts = street(MapPolicy::default()).map.to_parts();
         let search = PlaceSearch { refusal: Some(refusal), ..PlaceSearch::default() };
-        parts.place_searches.extend([], [(id(0), search)]);
+        parts.place_searches.done.insert(id(0), search);
         Map::from_parts(parts).unwrap()
     };
     with(refusal).check_sound().unwrap();

@@ -4,8 +4,8 @@
 
 use covis::map::{
     Change, ConstraintKind, Depth, EntityId, EntityRef, Gauge, GlobalOptions, Item, ItemLandmark,
-    ItemObservation, Map, MapPolicy, SolveKind, Window, applied, choose_window, global_problem,
-    local_problem, pair_input, triangulate,
+    ItemObservation, Map, MapPolicy, SolveKind, Solved, Window, applied, choose_window,
+    global_problem, local_problem, pair_input, triangulate,
 };
 use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::geometry::LieGroup;
@@ -73,7 +73,13 @@ fn a_local_solve_recovers_a_bad_start_and_the_rest_stays() {
     let after = bundle_cost(&problem.problem).total;
     assert!(before > 100.0 && after < 1e-6 * before, "{before} to {after}");
     let covered = vec![(ROBOT, 9)];
-    let solve = applied(&journal.map, &problem, SolveKind::LocalBundle, covered, (before, after));
+    let solve = applied(
+        &journal.map,
+        Solved::Bundle(&problem),
+        SolveKind::LocalBundle,
+        covered,
+        (before, after),
+    );
     let moved: Vec<_> = solve.poses.iter().map(|&(id, _)| id).collect();
     assert_eq!(moved, [id(5), id(6), id(7)]);
     // Corner 80 is seen by keyframe 7 alone: no part of the solve, but it follows its keyframe.
@@ -178,7 +184,8 @@ fn what_arrived_during_a_solve_moves_with_its_reference() {
     let motion_of_3 = pose_at(0.0).plus(&Vector6::new(-0.2, 0.1, 0.0, 0.0, 0.1, 0.0));
     problem.problem.poses[1] = motion_of_1.compose(&pose_at(1.0));
     problem.problem.poses[3] = motion_of_3.compose(&pose_at(3.0));
-    let solve = applied(&journal.map, &problem, SolveKind::Global, Vec::new(), (1.0, 0.5));
+    let solve =
+        applied(&journal.map, Solved::Bundle(&problem), SolveKind::Global, Vec::new(), (1.0, 0.5));
     journal.push(Change::SolveApplied { solve });
     let pose = |k| journal.map.keyframes().get(&id(k)).unwrap().world_from_camera;
     assert!(pose_error(&pose(4), &motion_of_3.compose(&pose_at(4.0))) < 1e-12);
@@ -225,7 +232,13 @@ fn a_loop_closure_bends_the_street_back_and_landmarks_follow() {
     assert_eq!(problem.graph.edges.len(), 19 + 1);
     let summary = pose_graph::solve(&mut problem.graph, &options, &mut observer).unwrap();
     let costs = (summary.initial_cost, summary.final_cost);
-    let solve = applied(&journal.map, &problem, SolveKind::PoseGraph, vec![(ROBOT, 22)], costs);
+    let solve = applied(
+        &journal.map,
+        Solved::Graph(&problem),
+        SolveKind::PoseGraph,
+        vec![(ROBOT, 22)],
+        costs,
+    );
     assert!(solve.poses.iter().all(|(k, _)| *k != id(0)), "the gauge does not move");
     let before = journal.map.clone();
     journal.push(Change::SolveApplied { solve });
@@ -265,7 +278,8 @@ fn no_solve_changes_what_a_pair_of_keyframes_measured() {
     for pose in problem.problem.poses.iter_mut().skip(1) {
         *pose = pose.plus(&Vector6::new(0.5, 0.1, -0.3, 0.05, 0.02, 0.1));
     }
-    let solve = applied(&journal.map, &problem, SolveKind::Global, Vec::new(), (1.0, 0.5));
+    let solve =
+        applied(&journal.map, Solved::Bundle(&problem), SolveKind::Global, Vec::new(), (1.0, 0.5));
     journal.push(Change::SolveApplied { solve });
     assert_eq!(loop_problem(&journal.map, measured(&journal.map)).graph.edges, before);
 }

@@ -1,13 +1,14 @@
 //! Making room: which keyframe goes, what goes with it, what stays of it.
 
 use covis::map::{
-    Change, ConstraintKind, Covisibility, EntityRef, Item, ItemObservation, Map, MapLimits,
-    MapPolicy, Retired, WhenFull, retire,
+    Change, ConstraintKind, EntityRef, Item, ItemObservation, Map, MapLimits, MapPolicy, Retired,
+    WhenFull, retire,
 };
 use covis_solvers::geometry::LieGroup;
 
 use crate::map_support::{
-    Journal, ROBOT, id, landmark, pixel, pose_at, pose_error, relative_pose, street,
+    Journal, ROBOT, assert_covisibility, id, landmark, pixel, pose_at, pose_error, relative_pose,
+    street,
 };
 
 fn policy(when_full: WhenFull) -> MapPolicy {
@@ -24,7 +25,7 @@ fn retired(journal: &mut Journal) -> Retired {
 /// What the fold keeps is what follows from the entities.
 fn check_consistent(journal: &Journal) {
     let map = &journal.map;
-    assert_eq!(map.covisibility(), &Covisibility::product(map.keyframes()));
+    assert_covisibility(map);
     let rebuilt = Map::from_parts(map.to_parts()).unwrap();
     assert_eq!(&rebuilt, map);
     assert_eq!(rebuilt.usage(), map.usage());

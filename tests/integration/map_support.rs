@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 
+use std::collections::BTreeMap;
+
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Counted, Edit, EntityId, EntityRef,
     Event, Gauge, GraphPairs, GraphProblem, Item, ItemLandmark, ItemObservation, Map, MapPolicy,
@@ -219,4 +221,23 @@ pub(crate) fn solve_of(kind: SolveKind) -> AppliedSolve {
 
 pub(crate) fn pose_error(a: &Se3, b: &Se3) -> f64 {
     a.minus(b).norm()
+}
+
+/// The counts of shared landmarks by their definition: each observer of a landmark counts with the 32 that
+/// were added before it and the 32 after it.
+pub(crate) fn assert_covisibility(map: &Map) {
+    let mut expected: BTreeMap<(EntityId, EntityId), u32> = BTreeMap::new();
+    for landmark in map.landmarks().values() {
+        let age = |id: &EntityId| (map.keyframes().get(id).unwrap().added_revision, *id);
+        let mut observers: Vec<_> = landmark.observers.iter().map(age).collect();
+        observers.sort_unstable();
+        for (place, &(_, a)) in observers.iter().enumerate() {
+            for &(_, b) in observers[place + 1..].iter().take(32) {
+                *expected.entry((a.min(b), a.max(b))).or_default() += 1;
+            }
+        }
+    }
+    let kept: Vec<_> = map.covisibility().pairs().map(|(a, b, count)| ((a, b), count)).collect();
+    assert_eq!(kept, expected.into_iter().collect::<Vec<_>>());
+    assert_eq!(map.covisibility().entry_count(), 2 * kept.len() as u64);
 }

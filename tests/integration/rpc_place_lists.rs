@@ -241,7 +241,7 @@ fn searches_that_a_restart_interrupts_go_on() {
         drop(busy);
         ending.await.unwrap();
         let map = on_disk(folder.path(), "room").await;
-        let pending = map.place_searches().pending().len();
+        let pending = map.place_searches().pending.len();
         assert!(pending + 4 >= count, "{pending} of {count} wait");
 
         let server = on(folder.path(), true).await;
@@ -252,8 +252,8 @@ fn searches_that_a_restart_interrupts_go_on() {
         assert!(searches.iter().filter(|search| search.closure.is_some()).count() >= 5);
         server.running.shutdown().await;
         let map = on_disk(folder.path(), "room").await;
-        assert!(map.place_searches().pending().is_empty());
-        assert_eq!(map.place_searches().unsolved(), 0, "a pose graph covers what was found");
+        assert!(map.place_searches().pending.is_empty());
+        assert_eq!(map.place_searches().unsolved, 0, "a pose graph covers what was found");
     });
 }
 

@@ -12,17 +12,8 @@ impl Check<'_> {
     /// Whether the map is already as the edit asks. What was removed is not remembered: a removal is
     /// never done already.
     pub(super) fn is_done(&self, edit: &Edit) -> bool {
-        match edit {
-            Edit::SetCamera { id, camera } => {
-                let present = self.resolve(id).and_then(|id| self.map.cameras.get(&id));
-                present == Some(camera)
-            }
-            Edit::RevokeConstraint { .. }
-            | Edit::RemoveObservations { .. }
-            | Edit::FuseLandmarks { .. }
-            | Edit::RemoveLandmarks { .. }
-            | Edit::RemoveKeyframe { .. } => false,
-        }
+        let Edit::SetCamera { id, camera } = edit else { return false };
+        self.resolve(id).and_then(|id| self.map.cameras().get(&id)) == Some(camera)
     }
 
     /// The change that an edit makes; `None` where what it is about cannot be found.
@@ -64,7 +55,7 @@ impl Check<'_> {
                 Some(Change::KeyframeRemoved { keyframe })
             }
             Edit::SetCamera { id, camera } => {
-                let has = |map: &Map, id: &EntityId| map.cameras.contains_key(id);
+                let has = |map: &Map, id: &EntityId| map.cameras().contains_key(id);
                 let id = self.known("set_camera.id", "camera", id, has)?;
                 self.views(id, camera);
                 Some(Change::CameraSet { id, camera: *camera })
@@ -77,7 +68,7 @@ impl Check<'_> {
         field: impl std::fmt::Display,
         reference: &EntityRef,
     ) -> Option<EntityId> {
-        self.known(field, "landmark", reference, |map, id| map.landmarks.contains_key(id))
+        self.known(field, "landmark", reference, |map, id| map.landmarks().contains_key(id))
     }
 
     /// The landmarks of a list that the map holds, each with its place in the list.
@@ -105,7 +96,7 @@ impl Check<'_> {
             let id = self.keyframe(format_args!("{at}.keyframe"), &sighting.keyframe);
             let landmark = self.landmark(format_args!("{at}.landmark"), &sighting.landmark);
             let (Some(id), Some(landmark)) = (id, landmark) else { continue };
-            let keyframe = self.map.keyframes.get(&id);
+            let keyframe = self.map.keyframes().get(&id);
             if keyframe.is_none_or(|keyframe| keyframe.observation_of(landmark).is_none()) {
                 let text = format!("keyframe {} does not observe landmark {}", id.id, landmark.id);
                 self.add(at, Reason::UnknownReference, text);
@@ -124,8 +115,8 @@ impl Check<'_> {
     /// observation for which that is not so is reported.
     fn views(&mut self, id: EntityId, new: &CameraEntity) {
         let map = self.map;
-        let Some(old) = map.cameras.get(&id) else { return };
-        let views = map.keyframes.iter().filter(|(_, keyframe)| keyframe.camera == Some(id));
+        let Some(old) = map.cameras().get(&id) else { return };
+        let views = map.keyframes().iter().filter(|(_, keyframe)| keyframe.camera == Some(id));
         for (keyframe_id, keyframe) in views {
             for seen in keyframe.observations.iter() {
                 let named = || {
@@ -134,7 +125,7 @@ impl Check<'_> {
                     format!("keyframe {} of client {name:?}, landmark {landmark}", keyframe_id.id)
                 };
                 let pose = &keyframe.world_from_camera;
-                if let Some(position) = map.landmarks.get(&seen.landmark).and_then(|l| l.position)
+                if let Some(position) = map.landmarks().get(&seen.landmark).and_then(|l| l.position)
                     && !is_projected(new, pose, &position)
                     && is_projected(old, pose, &position)
                 {

@@ -56,13 +56,13 @@ impl Map {
             | Item::PositionPrior { id, .. } => (Content::Constraint, *id),
             Item::Landmarks { landmarks } => {
                 let is_known = |l: &ItemLandmark| {
-                    let stored = self.landmarks.get(&EntityId::new(client, l.id));
+                    let stored = self.landmarks().get(&EntityId::new(client, l.id));
                     stored.is_some_and(|s| s.sent_position == l.position)
                 };
                 return !landmarks.is_empty() && landmarks.iter().all(is_known);
             }
             Item::Observations { keyframe, observations } => {
-                let keyframe = check.resolve(keyframe).and_then(|id| self.keyframes.get(&id));
+                let keyframe = check.resolve(keyframe).and_then(|id| self.keyframes().get(&id));
                 let is_known = |sent: &ItemObservation| {
                     let landmark = check.resolve(&sent.landmark);
                     let stored = landmark.and_then(|id| keyframe?.observation_of(id));
@@ -76,7 +76,7 @@ impl Map {
             }
             Item::Edit(edit) => return check.is_done(edit),
         };
-        let Some(stored) = self.contents.get(&(kind, EntityId::new(client, id))) else {
+        let Some(stored) = self.contents().get(&(kind, EntityId::new(client, id))) else {
             return false;
         };
         // Contents are compared by digest alone, so violations do not matter here.
@@ -84,7 +84,7 @@ impl Map {
         change.is_some_and(|mut change| {
             // Earlier versions kept none.
             if let Change::KeyframeAdded { id, global_descriptor, .. } = &mut change
-                && self.keyframes.get(id).is_some_and(|known| known.global_descriptor.is_none())
+                && self.keyframes().get(id).is_some_and(|known| known.global_descriptor.is_none())
             {
                 *global_descriptor = None;
             }
@@ -117,7 +117,7 @@ impl Check<'_> {
         match item {
             &Item::Camera { id, camera, width_px, height_px } => {
                 let id = self.own("camera.id", id);
-                if self.map.cameras.contains_key(&id) {
+                if self.map.cameras().contains_key(&id) {
                     self.duplicate("camera.id", "camera", id);
                 }
                 let camera = CameraEntity { camera, width_px, height_px };
@@ -134,12 +134,12 @@ impl Check<'_> {
                 global_descriptor,
             } => {
                 let id = self.own("keyframe.id", *id);
-                if self.map.keyframes.contains_key(&id) {
+                if self.map.keyframes().contains_key(&id) {
                     self.duplicate("keyframe.id", "keyframe", id);
                 }
                 let path = "keyframe.camera_id";
                 let camera_id = camera.as_ref().map(|camera| {
-                    self.known(path, "camera", camera, |map, id| map.cameras.contains_key(id))
+                    self.known(path, "camera", camera, |map, id| map.cameras().contains_key(id))
                 });
                 if camera.is_none() && !observations.is_empty() {
                     self.add(path, Reason::Missing, "required where there are observations");
@@ -179,7 +179,7 @@ impl Check<'_> {
                 let path = "observations.observations";
                 self.not_empty(path, observations.len());
                 let id = self.keyframe("observations.keyframe", keyframe)?;
-                let keyframe = self.map.keyframes.get(&id)?;
+                let keyframe = self.map.keyframes().get(&id)?;
                 if keyframe.camera.is_none() {
                     let text = "the keyframe has no camera to observe with";
                     self.add("observations.keyframe", Reason::Inconsistent, text);
@@ -269,7 +269,7 @@ impl Check<'_> {
                 Some(self.scaled_point("position_prior.point_in_world", &point))
             }
             Place::OnEarth(place) => {
-                let frame = self.map.policy.geodetic_anchor.as_ref().map(LocalFrame::new);
+                let frame = self.map.policy().geodetic_anchor.as_ref().map(LocalFrame::new);
                 if frame.is_none() {
                     let text = "the map's policy has no geodetic_anchor";
                     self.add("position_prior.geodetic_point", Reason::Inconsistent, text);
@@ -335,7 +335,7 @@ impl Check<'_> {
     }
 
     fn keyframe(&mut self, field: impl Display, reference: &EntityRef) -> Option<EntityId> {
-        self.known(field, "keyframe", reference, |map, id| map.keyframes.contains_key(id))
+        self.known(field, "keyframe", reference, |map, id| map.keyframes().contains_key(id))
     }
 
     fn unknown(&mut self, field: impl Display, kind: &str, reference: &EntityRef) {
@@ -357,7 +357,7 @@ impl Check<'_> {
         for (index, &ItemLandmark { id, position }) in sent.iter().enumerate() {
             let field = format_args!("{path}[{index}].id");
             let id = self.own(field, id);
-            let known = self.map.landmarks.get(&id);
+            let known = self.map.landmarks().get(&id);
             if known.is_some_and(|known| known.sent_position != position) {
                 self.duplicate(field, "landmark", id);
             }
@@ -376,7 +376,7 @@ impl Check<'_> {
         sent: &[ItemObservation],
         view: &Viewpoint<'_>,
     ) -> Vec<Observation> {
-        let camera = view.camera.and_then(|camera| self.map.cameras.get(&camera));
+        let camera = view.camera.and_then(|camera| self.map.cameras().get(&camera));
         let mut new: Vec<&NewLandmark> = view.new_landmarks.iter().collect();
         new.sort_by_key(|landmark| landmark.id);
         let mut keys: Vec<_> = view.present.iter().map(|known| (known.key(), None)).collect();
@@ -389,7 +389,7 @@ impl Check<'_> {
                 continue;
             };
             // The map's estimate is the better one where it knows the landmark already.
-            let position = match self.map.landmarks.get(&landmark) {
+            let position = match self.map.landmarks().get(&landmark) {
                 Some(known) => known.position,
                 None => match new.binary_search_by_key(&landmark, |new| new.id) {
                     Ok(place) => new[place].position,

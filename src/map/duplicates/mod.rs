@@ -166,37 +166,41 @@ impl Duplicates {
 impl Map {
     /// The landmarks that are one point of the scene.
     pub fn duplicates(&self) -> &Duplicates {
-        &self.duplicates
+        &self.parts.duplicates
     }
 
     /// Whether bundle adjustment of the whole map is due: a pose graph took closures into account, and
     /// none has followed.
     pub fn is_adjustment_due(&self) -> bool {
-        self.adjustment_due
+        self.parts.adjustment_due
     }
 
     /// The loop closures that count and whose places were not compared, by id. Where a keyframe sees
     /// nothing there is nothing to compare.
     pub fn uncompared_closures(&self) -> impl Iterator<Item = EntityId> + '_ {
-        let sees = |id| self.keyframes.get(&id).is_some_and(|k| !k.observations.is_empty());
+        let sees = |id| self.parts.keyframes.get(&id).is_some_and(|k| !k.observations.is_empty());
         let closures = self.active_constraints().filter(move |(_, constraint)| {
             constraint.is_closure() && sees(constraint.keyframe_i) && sees(constraint.keyframe_j)
         });
-        closures.map(|(id, _)| id).filter(|id| !self.duplicates.compared.contains(id))
+        closures.map(|(id, _)| id).filter(|id| !self.parts.duplicates.compared.contains(id))
     }
 
     /// The compared closures that no longer count, with the landmarks of their pairs, each by id.
     pub fn false_duplicates(&self) -> (Vec<EntityId>, Vec<EntityId>) {
         let counts = |id: EntityId| self.active_constraint(id).is_some_and(|c| c.is_closure());
-        let compared = self.duplicates.compared.iter().copied();
+        let compared = self.parts.duplicates.compared.iter().copied();
         let closures: BTreeSet<EntityId> = compared.filter(|&id| !counts(id)).collect();
         let of_false =
             |pair: &DuplicatePair| pair.2.is_some_and(|closure| closures.contains(&closure));
         let landmarks: BTreeSet<EntityId> = match closures.is_empty() {
             true => BTreeSet::new(),
-            false => {
-                self.duplicates.pairs().filter(of_false).flat_map(|(a, b, _)| [a, b]).collect()
-            }
+            false => self
+                .parts
+                .duplicates
+                .pairs()
+                .filter(of_false)
+                .flat_map(|(a, b, _)| [a, b])
+                .collect(),
         };
         (closures.into_iter().collect(), landmarks.into_iter().collect())
     }
@@ -204,22 +208,22 @@ impl Map {
     /// Splits the pairs of closures that do not count. A closure whose keyframes see one of `landmarks`
     /// may have found the same pair: its places are compared again.
     pub(super) fn split_duplicates(&mut self, closures: &[EntityId], landmarks: &[EntityId]) {
-        self.duplicates.split(closures);
-        let seen = landmarks.iter().filter_map(|id| self.landmarks.get(id));
+        self.parts.duplicates.split(closures);
+        let seen = landmarks.iter().filter_map(|id| self.parts.landmarks.get(id));
         let keyframes: BTreeSet<EntityId> =
             seen.flat_map(|landmark| landmark.observers.iter().copied()).collect();
         for keyframe in keyframes {
-            self.ties.of(keyframe).for_each(|id| self.duplicates.forget_comparison(id));
+            self.ties.of(keyframe).for_each(|id| self.parts.duplicates.forget_comparison(id));
         }
     }
 
     /// Whether a comparison still holds: its closure counts and was not compared. Removes the pairs
     /// whose landmarks have left the map.
     pub fn keeps(&self, comparison: &mut Comparison) -> bool {
-        let is_held = |id: &EntityId| self.landmarks.contains_key(id);
+        let is_held = |id: &EntityId| self.parts.landmarks.contains_key(id);
         comparison.pairs.retain(|(a, b)| is_held(a) && is_held(b));
         let counts = self.active_constraint(comparison.closure).is_some_and(|c| c.is_closure());
-        counts && !self.duplicates.compared.contains(&comparison.closure)
+        counts && !self.parts.duplicates.compared.contains(&comparison.closure)
     }
 
     /// Whether a pose graph that ends now took closures into account.
@@ -232,5 +236,10 @@ impl super::Constraint {
     /// Whether it is a loop closure.
     pub fn is_closure(&self) -> bool {
         self.kind == ConstraintKind::LoopClosure
+    }
+
+    /// Its keyframes, the lower id first.
+    pub(super) fn pair(&self) -> (EntityId, EntityId) {
+        (self.keyframe_i.min(self.keyframe_j), self.keyframe_i.max(self.keyframe_j))
     }
 }

@@ -37,7 +37,7 @@ impl Map {
 
     /// Removes landmarks with their observations.
     pub(super) fn remove_landmarks(&mut self, ids: &[EntityId]) {
-        let seen = ids.iter().filter_map(|&id| Some((id, self.landmarks.get(&id)?)));
+        let seen = ids.iter().filter_map(|&id| Some((id, self.parts.landmarks.get(&id)?)));
         let observations: Vec<(EntityId, EntityId)> = seen
             .flat_map(|(id, landmark)| {
                 landmark.observers.iter().map(move |&keyframe| (keyframe, id))
@@ -49,8 +49,8 @@ impl Map {
 
     /// Removes a landmark without observers.
     fn drop_landmark(&mut self, id: EntityId) {
-        if let Some(landmark) = self.landmarks.remove(&id) {
-            self.duplicates.remove(id);
+        if let Some(landmark) = self.parts.landmarks.remove(&id) {
+            self.parts.duplicates.remove(id);
             self.unseen.remove(&(landmark.added_revision, id));
         }
     }
@@ -62,7 +62,7 @@ impl Map {
         let mut seeing: BTreeMap<EntityId, Absorbed> = BTreeMap::new();
         let (mut position, mut reference) = (None, None);
         for &id in absorbed {
-            let Some(landmark) = self.landmarks.get(&id) else { continue };
+            let Some(landmark) = self.parts.landmarks.get(&id) else { continue };
             position = position.or(landmark.position);
             reference = reference.or(landmark.reference);
             for &keyframe in &landmark.observers {
@@ -70,8 +70,8 @@ impl Map {
                 seeing.entry(keyframe).or_insert_with(new).all.insert(id);
             }
         }
-        let revision = self.revision;
-        if let Some(landmark) = self.landmarks.get_mut(&kept) {
+        let revision = self.parts.revision;
+        if let Some(landmark) = self.parts.landmarks.get_mut(&kept) {
             if landmark.position.is_none() && position.is_some() {
                 landmark.position = position;
                 landmark.positioned_revision = revision;
@@ -80,7 +80,7 @@ impl Map {
             landmark.reference = landmark.reference.or(reference);
         }
         for (keyframe, Absorbed { first, all }) in seeing {
-            let known = self.keyframes.get(&keyframe);
+            let known = self.parts.keyframes.get(&keyframe);
             let moves = known.is_some_and(|known| known.observation_of(kept).is_none());
             self.rewrite(keyframe, |seen| match seen.landmark {
                 landmark if moves && landmark == first => {
@@ -90,11 +90,11 @@ impl Map {
             });
             all.into_iter().for_each(|landmark| self.forget_observer(landmark, keyframe));
             if moves {
-                self.gain_observer(kept, keyframe);
+                self.observe(keyframe, std::iter::once(kept));
             }
         }
         for &id in absorbed {
-            self.duplicates.fuse(kept, id);
+            self.parts.duplicates.fuse(kept, id);
             self.drop_landmark(id);
         }
     }
@@ -102,7 +102,7 @@ impl Map {
     /// Replaces each observation of a keyframe by what `new` gives for it, or removes it. The observers
     /// of the landmarks are left to the caller.
     fn rewrite(&mut self, id: EntityId, new: impl Fn(&Observation) -> Option<Observation>) {
-        let Some(keyframe) = self.keyframes.get_mut(&id) else { return };
+        let Some(keyframe) = self.parts.keyframes.get_mut(&id) else { return };
         let before = keyframe.observations.clone();
         keyframe.observations = before.iter().filter_map(new).collect();
         self.observation_count -= (before.len() - keyframe.observations.len()) as u64;
@@ -110,22 +110,9 @@ impl Map {
             descriptor_bytes(&before) - descriptor_bytes(&keyframe.observations);
     }
 
-    fn gain_observer(&mut self, id: EntityId, keyframe: EntityId) {
-        let Self { landmarks, keyframes, unseen, covisibility, .. } = self;
-        let Some(landmark) = landmarks.get_mut(&id) else { return };
-        let Err(place) = landmark.observers.binary_search(&keyframe) else { return };
-        let age = |id: EntityId| keyframes.get(&id).map_or(0, |known| known.added_revision);
-        let mut sharing = Vec::new();
-        covisibility.observe(id, &landmark.observers, keyframe, age, &mut sharing);
-        covisibility.add(keyframe, &mut sharing);
-        unseen.remove(&(landmark.added_revision, id));
-        landmark.observers.insert(place, keyframe);
-        landmark.reference.get_or_insert(keyframe);
-    }
-
     /// A keyframe no longer sees a landmark.
     pub(super) fn forget_observer(&mut self, landmark_id: EntityId, keyframe: EntityId) {
-        let Some(landmark) = self.landmarks.get_mut(&landmark_id) else { return };
+        let Some(landmark) = self.parts.landmarks.get_mut(&landmark_id) else { return };
         let Ok(place) = landmark.observers.binary_search(&keyframe) else { return };
         landmark.observers.remove(place);
         self.covisibility.forget(landmark_id, &landmark.observers, keyframe);

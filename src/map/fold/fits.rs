@@ -19,11 +19,11 @@ use super::super::{
 impl Map {
     pub(crate) fn fits(&self, event: &Event) -> Result<(), MapError> {
         let check = Fit { map: self, revision: event.revision };
-        if self.revision.checked_add(1) != Some(event.revision) {
-            let expected = self.revision.saturating_add(1);
+        if self.revision().checked_add(1) != Some(event.revision) {
+            let expected = self.revision().saturating_add(1);
             return Err(MapError::RevisionGap { expected, actual: event.revision });
         }
-        if matches!(event.change, Change::Created { .. }) != (self.revision == 0) {
+        if matches!(event.change, Change::Created { .. }) != (self.revision() == 0) {
             return Err(MapError::Creation { revision: event.revision });
         }
         if let Some(cause) = &event.cause {
@@ -77,7 +77,7 @@ impl Fit<'_> {
                 motion,
                 ..
             } => {
-                self.absent(!self.map.keyframes.contains_key(id), EntityKind::Keyframe, *id)?;
+                self.absent(!self.map.keyframes().contains_key(id), EntityKind::Keyframe, *id)?;
                 match camera {
                     Some(camera) => self.camera(*camera)?,
                     None => self.sees_nothing(*id, observations)?,
@@ -97,7 +97,7 @@ impl Fit<'_> {
             }
             Change::ObservationsAdded { keyframe, observations } => {
                 self.keyframe(*keyframe)?;
-                let known = self.map.keyframes.get(keyframe);
+                let known = self.map.keyframes().get(keyframe);
                 if known.is_some_and(|k| k.camera.is_none()) {
                     self.sees_nothing(*keyframe, observations)?;
                 }
@@ -116,7 +116,7 @@ impl Fit<'_> {
             Change::SolveApplied { solve } => self.solve(solve),
             Change::ObservationsRemoved { observations } => {
                 observations.iter().try_for_each(|&(keyframe, landmark)| {
-                    let seen = self.map.keyframes.get(&keyframe);
+                    let seen = self.map.keyframes().get(&keyframe);
                     let seen = seen.is_some_and(|k| k.observation_of(landmark).is_some());
                     self.present(seen, EntityKind::Observation, landmark)
                 })
@@ -138,7 +138,7 @@ impl Fit<'_> {
             }
             Change::MapMerged { merge } => self.merge(merge),
             Change::MapTakenOut { name } => {
-                let is_known = self.map.merged.iter().any(|merged| merged.name == *name);
+                let is_known = self.map.merged().iter().any(|merged| merged.name == *name);
                 self.present(is_known, EntityKind::Client, EntityId::MIN)
             }
             Change::KeyframeRemoved { keyframe } => self.keyframe(*keyframe),
@@ -194,7 +194,7 @@ impl Fit<'_> {
     fn merge(&self, merge: &Merge) -> Outcome {
         let content = &*merge.content;
         let client = |index| EntityId { client: index, id: 0 };
-        let mut next = self.map.clients.len();
+        let mut next = self.map.clients().len();
         let mut taken = BTreeSet::new();
         for (MergedClient { index, .. }, new) in merge.clients.iter().zip(content.clients()) {
             let kind = EntityKind::Client;
@@ -247,13 +247,7 @@ impl Fit<'_> {
     }
 
     fn measured(&self, id: EntityId, prior: &Prior) -> Outcome {
-        let is_finite = match prior {
-            Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
-            Prior::Position { position_in_world, point_in_camera, .. } => {
-                is_finite(position_in_world) && is_finite(point_in_camera)
-            }
-        };
-        self.finite(is_finite, EntityKind::Constraint, id)
+        self.finite(prior.is_finite(), EntityKind::Constraint, id)
     }
 
     fn opening(&self, name: &str, epoch: i64) -> Outcome {
@@ -269,7 +263,7 @@ impl Fit<'_> {
     /// Their ids, sorted.
     fn new_landmarks(&self, landmarks: &[NewLandmark]) -> Result<Vec<EntityId>, MapError> {
         for new in landmarks {
-            let repeats = match self.map.landmarks.get(&new.id) {
+            let repeats = match self.map.landmarks().get(&new.id) {
                 Some(known) => known.sent_position == new.position,
                 None => true,
             };
@@ -292,7 +286,7 @@ impl Fit<'_> {
     ) -> Outcome {
         for observation in observations {
             let id = observation.landmark;
-            let known = new.binary_search(&id).is_ok() || self.map.landmarks.contains_key(&id);
+            let known = new.binary_search(&id).is_ok() || self.map.landmarks().contains_key(&id);
             self.present(known, EntityKind::Landmark, id)?;
             self.finite(observation.is_possible(), EntityKind::Observation, id)?;
         }
@@ -311,7 +305,7 @@ impl Fit<'_> {
 
     fn positions(&self, positions: &[(EntityId, Vector3<f64>)]) -> Outcome {
         // A solve may move all landmarks, by rising id.
-        let mut landmarks = self.map.landmarks.rising();
+        let mut landmarks = self.map.landmarks().rising();
         for (id, position) in positions {
             self.present(landmarks.get(id).is_some(), EntityKind::Landmark, *id)?;
             self.finite(is_finite(position), EntityKind::Landmark, *id)?;
@@ -357,15 +351,15 @@ impl Fit<'_> {
     }
 
     fn camera(&self, id: EntityId) -> Outcome {
-        self.present(self.map.cameras.contains_key(&id), EntityKind::Camera, id)
+        self.present(self.map.cameras().contains_key(&id), EntityKind::Camera, id)
     }
 
     fn keyframe(&self, id: EntityId) -> Outcome {
-        self.present(self.map.keyframes.contains_key(&id), EntityKind::Keyframe, id)
+        self.present(self.map.keyframes().contains_key(&id), EntityKind::Keyframe, id)
     }
 
     fn landmark(&self, id: EntityId) -> Outcome {
-        self.present(self.map.landmarks.contains_key(&id), EntityKind::Landmark, id)
+        self.present(self.map.landmarks().contains_key(&id), EntityKind::Landmark, id)
     }
 
     fn constraint(&self, id: EntityId) -> Outcome {

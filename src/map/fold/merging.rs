@@ -17,20 +17,20 @@ impl Map {
         let positions: Vec<ClientIndex> = merge.clients.iter().map(|c| c.index).collect();
         let content = &*merge.content;
         let parts = Renaming::of_clients(&positions).apply(content.to_parts());
-        let revision = self.revision;
+        let revision = self.parts.revision;
         for (client, at) in parts.clients.into_iter().zip(&positions) {
             let at = at.0 as usize;
-            match self.clients.get_mut(at) {
+            match self.parts.clients.get_mut(at) {
                 Some(known) => *known = Client { epoch: known.epoch.max(client.epoch), ..client },
-                None => self.clients.push(client),
+                None => self.parts.clients.push(client),
             }
         }
-        self.cameras.extend(parts.cameras);
+        self.parts.cameras.extend(parts.cameras);
         for (&id, landmark) in &parts.landmarks {
             let positioned_revision = if landmark.position.is_some() { revision } else { 0 };
             let landmark =
                 Landmark { added_revision: revision, positioned_revision, ..landmark.clone() };
-            self.landmarks.insert(id, landmark);
+            self.parts.landmarks.insert(id, landmark);
             self.unseen.insert((revision, id), ());
         }
         for (&id, keyframe) in &parts.keyframes {
@@ -40,42 +40,42 @@ impl Map {
                 ..keyframe.clone()
             };
             self.descriptor_bytes += image_bytes(new.global_descriptor.as_deref());
-            self.keyframes.insert(id, new);
+            self.parts.keyframes.insert(id, new);
             self.by_age.insert((revision, id), ());
         }
         // Once every keyframe is there: the counts of shared landmarks depend on their ages.
         for (&id, keyframe) in &parts.keyframes {
             self.add_observations(id, &keyframe.observations);
-            self.place_searches.remove(id);
+            self.parts.place_searches.remove(id);
         }
         parts.constraints.iter().for_each(|(&id, &c)| self.add_constraint(id, c));
         parts.priors.iter().for_each(|(&id, &p)| self.add_prior(id, p));
-        self.switched_off.extend(parts.switched_off);
-        self.duplicates
+        self.parts.switched_off.extend(parts.switched_off);
+        self.parts
+            .duplicates
             .extend(parts.duplicates.pairs(), parts.duplicates.compared().iter().copied());
-        let (pending, done) = (parts.place_searches.pending(), parts.place_searches.done());
-        let is_searched = self.policy.place_recognition;
-        self.place_searches.extend(
-            pending.keys().filter(|_| is_searched).map(|&id| (id, revision)),
-            done.iter().map(|(&id, search)| (id, search.clone())),
-        );
-        merge.closures.iter().for_each(|&(id, closure)| self.add_constraint(id, closure));
-        if !merge.closures.is_empty() || parts.place_searches.unsolved() > 0 {
-            self.place_searches.set_unsolved(revision);
+        let (searches, found) = (&mut self.parts.place_searches, &parts.place_searches);
+        if self.parts.policy.place_recognition {
+            searches.pending.extend(found.pending.keys().map(|&id| (id, revision)));
         }
-        self.adjustment_due |= parts.adjustment_due;
-        self.contents.extend(parts.contents.iter().map(|(&key, &digest)| (key, digest)));
+        searches.done.extend(found.done.iter().map(|(&id, search)| (id, search.clone())));
+        merge.closures.iter().for_each(|&(id, closure)| self.add_constraint(id, closure));
+        if !merge.closures.is_empty() || parts.place_searches.unsolved > 0 {
+            self.parts.place_searches.unsolved = revision;
+        }
+        self.parts.adjustment_due |= parts.adjustment_due;
+        self.parts.contents.extend(parts.contents.iter().map(|(&key, &digest)| (key, digest)));
         let inner = parts.merged.into_iter().map(|inner| MergedMap {
             target_from_source: merge.target_from_source.compose(&inner.target_from_source),
             ..inner
         });
-        self.merged.extend(inner);
-        self.merged.push(MergedMap {
+        self.parts.merged.extend(inner);
+        self.parts.merged.push(MergedMap {
             name: merge.name.clone(),
-            create_time_ns: content.create_time_ns,
-            revision: content.revision,
-            display_name: content.display_name.clone(),
-            policy: content.policy,
+            create_time_ns: content.create_time_ns(),
+            revision: content.revision(),
+            display_name: content.display_name().to_owned(),
+            policy: *content.policy(),
             target_from_source: merge.target_from_source,
             clients: merge.clients.clone(),
         });
@@ -83,38 +83,47 @@ impl Map {
 
     /// Removes the clients that came with a merged map, and all that is theirs.
     pub(super) fn take_out(&mut self, name: &str) {
-        let Some(place) = self.merged.iter().position(|merged| merged.name == name) else { return };
-        let merged = self.merged.remove(place);
+        let Some(place) = self.parts.merged.iter().position(|merged| merged.name == name) else {
+            return;
+        };
+        let merged = self.parts.merged.remove(place);
         let going: BTreeSet<ClientIndex> = merged.clients.iter().map(|c| c.index).collect();
         let mut at = 0;
-        self.merged.retain_mut(|other| {
+        self.parts.merged.retain_mut(|other| {
             at += 1;
             let leaves = at <= place && other.is_among(|client| going.contains(&client));
             other.clients.retain(|client| !going.contains(&client.index));
             !leaves
         });
         let goes = |id: &EntityId| going.contains(&id.client);
-        let keyframes: Vec<EntityId> = self.keyframes.keys().copied().filter(goes).collect();
+        let keyframes: Vec<EntityId> = self.parts.keyframes.keys().copied().filter(goes).collect();
         keyframes.into_iter().for_each(|id| self.remove_keyframe(id));
-        let landmarks: Vec<EntityId> = self.landmarks.keys().copied().filter(goes).collect();
+        let landmarks: Vec<EntityId> = self.parts.landmarks.keys().copied().filter(goes).collect();
         self.remove_landmarks(&landmarks);
         // The server's own ones between keyframes that stay, and those that a client added to them.
-        let left: Vec<EntityId> =
-            self.constraints.keys().chain(self.priors.keys()).copied().filter(goes).collect();
+        let left: Vec<EntityId> = self
+            .parts
+            .constraints
+            .keys()
+            .chain(self.parts.priors.keys())
+            .copied()
+            .filter(goes)
+            .collect();
         left.into_iter().for_each(|id| self.revoke(id));
-        self.cameras.retain(|id, _| !goes(id));
+        self.parts.cameras.retain(|id, _| !goes(id));
         self.forget_cameras(&going);
-        let digests: Vec<_> = self.contents.keys().copied().filter(|(_, id)| goes(id)).collect();
+        let digests: Vec<_> =
+            self.parts.contents.keys().copied().filter(|(_, id)| goes(id)).collect();
         for key in digests {
-            self.contents.remove(&key);
+            self.parts.contents.remove(&key);
         }
         for index in going {
-            if let Some(client) = self.clients.get_mut(index.0 as usize) {
+            if let Some(client) = self.parts.clients.get_mut(index.0 as usize) {
                 *client = Client::new(&client.name, client.epoch);
             }
         }
-        self.place_searches.set_unsolved(self.revision);
-        self.adjustment_due = false;
+        self.parts.place_searches.unsolved = self.parts.revision;
+        self.parts.adjustment_due = false;
     }
 
     /// A keyframe that stays keeps its pose, and loses a camera that goes with all that it saw through it.
@@ -123,9 +132,9 @@ impl Map {
             keyframe.camera.is_some_and(|camera| going.contains(&camera.client))
         };
         let blind: Vec<EntityId> =
-            self.keyframes.iter().filter(|(_, k)| has_lost(k)).map(|(&id, _)| id).collect();
+            self.parts.keyframes.iter().filter(|(_, k)| has_lost(k)).map(|(&id, _)| id).collect();
         for id in blind {
-            let Some(keyframe) = self.keyframes.get_mut(&id) else { continue };
+            let Some(keyframe) = self.parts.keyframes.get_mut(&id) else { continue };
             keyframe.camera = None;
             let seen = keyframe.observations.clone();
             self.remove_observations(seen.iter().map(|seen| (id, seen.landmark)));

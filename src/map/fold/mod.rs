@@ -20,8 +20,8 @@ use super::scaling;
 use super::usage::{descriptor_bytes, image_bytes};
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
-    Landmark, LastRequest, Map, MapError, MapPolicy, NewLandmark, Observation, Observations,
-    Observers, PendingSolve, Prior, Retired, SolveKind, SolveRequest,
+    Landmark, LastRequest, Map, MapError, MapParts, MapPolicy, NewLandmark, Observation,
+    Observations, Observers, PendingSolve, Prior, Retired, SolveKind, SolveRequest,
 };
 
 /// Items of a client whose digests are kept. Clients do not resend older items: a client keeps only
@@ -42,9 +42,9 @@ impl Map {
 
     /// Applies one event that [`Map::fits`] found to fit this map.
     pub(crate) fn fold(&mut self, event: &Event) {
-        self.revision = event.revision;
+        self.parts.revision = event.revision;
         // An event without a recorded time is no older than the previous one.
-        self.update_time_ns = self.update_time_ns.max(event.time_ns);
+        self.parts.update_time_ns = self.parts.update_time_ns.max(event.time_ns);
         let request = event.cause.as_ref().and_then(|_| solve_request(self, &event.change));
         self.change(&event.change);
         if let Some(cause) = &event.cause {
@@ -55,16 +55,16 @@ impl Map {
     fn change(&mut self, change: &Change) {
         match change {
             Change::Created { policy, create_time_ns, display_name } => {
-                self.policy = *policy;
-                self.create_time_ns = *create_time_ns;
-                self.update_time_ns = self.update_time_ns.max(*create_time_ns);
-                self.display_name.clone_from(display_name);
+                self.parts.policy = *policy;
+                self.parts.create_time_ns = *create_time_ns;
+                self.parts.update_time_ns = self.parts.update_time_ns.max(*create_time_ns);
+                self.parts.display_name.clone_from(display_name);
             }
             Change::ClientOpened { name, epoch } => self.open(name, *epoch),
             Change::CameraSet { id, camera } => {
                 // The content is what the client added the camera with, whatever replaced it later.
-                if self.cameras.insert(*id, *camera).is_none() {
-                    self.contents.insert((Content::Camera, *id), digest::content(change));
+                if self.parts.cameras.insert(*id, *camera).is_none() {
+                    self.parts.contents.insert((Content::Camera, *id), digest::content(change));
                 }
             }
             Change::KeyframeAdded {
@@ -78,7 +78,7 @@ impl Map {
                 global_descriptor,
                 motion,
             } => {
-                self.contents.insert((Content::Keyframe, *id), digest::content(change));
+                self.parts.contents.insert((Content::Keyframe, *id), digest::content(change));
                 self.add_landmarks(landmarks, motion.as_ref());
                 let keyframe = Keyframe {
                     capture_time_ns: *capture_time_ns,
@@ -91,11 +91,11 @@ impl Map {
                     }),
                     observations: Observations::default(),
                     global_descriptor: global_descriptor.clone(),
-                    added_revision: self.revision,
+                    added_revision: self.parts.revision,
                 };
                 self.descriptor_bytes += image_bytes(keyframe.global_descriptor.as_deref());
-                self.keyframes.insert(*id, keyframe);
-                self.by_age.insert((self.revision, *id), ());
+                self.parts.keyframes.insert(*id, keyframe);
+                self.by_age.insert((self.parts.revision, *id), ());
                 self.add_observations(*id, observations);
             }
             Change::LandmarksAdded { landmarks, scale } => {
@@ -107,17 +107,17 @@ impl Map {
             }
             Change::ConstraintAdded { id, constraint } => {
                 self.add_constraint(*id, *constraint);
-                self.contents.insert((Content::Constraint, *id), digest::content(change));
+                self.parts.contents.insert((Content::Constraint, *id), digest::content(change));
             }
             Change::PriorAdded { id, prior } => {
                 self.add_prior(*id, *prior);
-                self.contents.insert((Content::Constraint, *id), digest::content(change));
+                self.parts.contents.insert((Content::Constraint, *id), digest::content(change));
             }
             Change::LandmarksTriangulated { positions } => {
                 for (id, position) in positions {
-                    if let Some(landmark) = self.landmarks.get_mut(id) {
+                    if let Some(landmark) = self.parts.landmarks.get_mut(id) {
                         landmark.position = Some(*position);
-                        landmark.positioned_revision = self.revision;
+                        landmark.positioned_revision = self.parts.revision;
                     }
                 }
             }
@@ -127,14 +127,14 @@ impl Map {
             }
             Change::LandmarksFused { kept, absorbed } => self.fuse(*kept, absorbed),
             Change::DuplicatesFound { comparisons } => {
-                comparisons.iter().for_each(|comparison| self.duplicates.add(comparison));
+                comparisons.iter().for_each(|comparison| self.parts.duplicates.add(comparison));
             }
             Change::DuplicatesSplit { closures, landmarks } => {
                 self.split_duplicates(closures, landmarks);
             }
             Change::PlacesSearched { searches, closures } => {
                 for (keyframe, search) in searches {
-                    self.place_searches.searched(*keyframe, search, self.revision);
+                    self.parts.place_searches.searched(*keyframe, search, self.parts.revision);
                 }
                 closures.iter().for_each(|&(id, constraint)| self.add_constraint(id, constraint));
             }
@@ -149,34 +149,34 @@ impl Map {
             Change::PolicySet { policy } => self.set_policy(*policy),
             Change::MapUpdated { display_name, policy, frozen } => {
                 if let Some(display_name) = display_name {
-                    self.display_name.clone_from(display_name);
+                    self.parts.display_name.clone_from(display_name);
                 }
-                self.set_policy(policy.unwrap_or(self.policy));
-                self.frozen = frozen.unwrap_or(self.frozen);
+                self.set_policy(policy.unwrap_or(self.parts.policy));
+                self.parts.frozen = frozen.unwrap_or(self.parts.frozen);
             }
         }
     }
 
     fn set_policy(&mut self, policy: MapPolicy) {
-        self.policy = policy;
+        self.parts.policy = policy;
         if !policy.place_recognition {
-            self.place_searches.stop();
+            self.parts.place_searches.stop();
         }
     }
 
     fn open(&mut self, name: &str, epoch: i64) {
         match self.client_named(name) {
             Some(ClientIndex(index)) => {
-                let client = &mut self.clients[index as usize];
+                let client = &mut self.parts.clients[index as usize];
                 client.epoch = epoch;
                 client.drop_unusable_sequences();
             }
-            None => self.clients.push(Client::new(name, epoch)),
+            None => self.parts.clients.push(Client::new(name, epoch)),
         }
     }
 
     fn remember(&mut self, cause: &Cause, request: Option<SolveRequest>) {
-        if let Some(client) = self.clients.get_mut(cause.client.0 as usize) {
+        if let Some(client) = self.parts.clients.get_mut(cause.client.0 as usize) {
             client.items.insert(cause.sequence, cause.digest);
             if client.items.len() > REMEMBERED_ITEMS {
                 client.items.pop_first();
@@ -189,9 +189,9 @@ impl Map {
     }
 
     fn add_landmarks(&mut self, landmarks: &[NewLandmark], motion: Option<&Sim3>) {
-        let revision = self.revision;
+        let revision = self.parts.revision;
         for new in landmarks {
-            if self.landmarks.contains_key(&new.id) {
+            if self.parts.landmarks.contains_key(&new.id) {
                 continue;
             }
             self.unseen.insert((revision, new.id), ());
@@ -203,23 +203,28 @@ impl Map {
                 added_revision: revision,
                 positioned_revision: if new.position.is_some() { revision } else { 0 },
             };
-            self.landmarks.insert(new.id, landmark);
+            self.parts.landmarks.insert(new.id, landmark);
         }
     }
 
     fn add_observations(&mut self, keyframe_id: EntityId, added: &[Observation]) {
-        let Some(keyframe) = self.keyframes.get_mut(&keyframe_id) else { return };
+        let Some(keyframe) = self.parts.keyframes.get_mut(&keyframe_id) else { return };
         keyframe.observations = keyframe.observations.iter().chain(added).cloned().collect();
         self.descriptor_bytes += descriptor_bytes(added);
         self.observation_count += added.len() as u64;
-        if self.policy.place_recognition {
-            self.place_searches.observed(keyframe_id, added, self.revision);
+        if self.parts.policy.place_recognition {
+            self.parts.place_searches.observed(keyframe_id, added, self.parts.revision);
         }
-        let Self { landmarks, keyframes, unseen, covisibility, .. } = self;
+        self.observe(keyframe_id, added.iter().map(|observation| observation.landmark));
+    }
+
+    /// A keyframe sees landmarks, some of them perhaps already.
+    fn observe(&mut self, keyframe_id: EntityId, seen: impl Iterator<Item = EntityId>) {
+        let Self { parts, unseen, covisibility, .. } = self;
+        let MapParts { landmarks, keyframes, .. } = parts;
         let age = |id: EntityId| keyframes.get(&id).map_or(0, |known| known.added_revision);
         let mut sharing = Vec::new();
-        for observation in added {
-            let id = observation.landmark;
+        for id in seen {
             let Some(landmark) = landmarks.get_mut(&id) else { continue };
             // A second feature on the same landmark adds no covisibility.
             if let Err(place) = landmark.observers.binary_search(&keyframe_id) {
@@ -237,70 +242,74 @@ impl Map {
     fn add_constraint(&mut self, id: EntityId, constraint: Constraint) {
         self.ties.add(constraint.keyframe_i, id);
         self.ties.add(constraint.keyframe_j, id);
-        self.constraints.insert(id, constraint);
+        self.parts.constraints.insert(id, constraint);
     }
 
     fn add_prior(&mut self, id: EntityId, prior: Prior) {
         self.ties.add(prior.keyframe(), id);
-        self.priors.insert(id, prior);
+        self.parts.priors.insert(id, prior);
     }
 
     fn take_solve(&mut self, solve: &AppliedSolve) {
-        self.solve_count += 1;
+        self.parts.solve_count += 1;
         for (id, pose) in &solve.poses {
-            if let Some(keyframe) = self.keyframes.get_mut(id) {
+            if let Some(keyframe) = self.parts.keyframes.get_mut(id) {
                 keyframe.world_from_camera = *pose;
             }
         }
-        let revision = self.revision;
-        self.landmarks.update_rising(solve.landmarks.iter().copied(), |landmark, position| {
-            if landmark.position.replace(position).is_none() {
-                landmark.positioned_revision = revision;
-            }
-        });
+        let revision = self.parts.revision;
+        self.parts.landmarks.update_rising(
+            solve.landmarks.iter().copied(),
+            |landmark, position| {
+                if landmark.position.replace(position).is_none() {
+                    landmark.positioned_revision = revision;
+                }
+            },
+        );
         for (id, camera) in &solve.cameras {
-            if let Some(entity) = self.cameras.get_mut(id) {
+            if let Some(entity) = self.parts.cameras.get_mut(id) {
                 entity.camera = *camera;
             }
         }
-        self.switched_off.extend(solve.switched_off.iter().copied());
+        self.parts.switched_off.extend(solve.switched_off.iter().copied());
         for id in &solve.switched_on {
-            self.switched_off.remove(id);
+            self.parts.switched_off.remove(id);
         }
         if let Some(id) = solve.request {
             let AppliedSolve { initial_cost, final_cost, .. } = *solve;
-            self.last_request = Some(LastRequest { id, revision, initial_cost, final_cost });
+            self.parts.last_request = Some(LastRequest { id, revision, initial_cost, final_cost });
         }
         match solve.kind {
             SolveKind::LocalBundle => {}
             SolveKind::PoseGraph => {
                 // The windows of an edit may still be open.
-                for client in &mut self.clients {
+                for client in &mut self.parts.clients {
                     if let Some(PendingSolve { request: SolveRequest::Edited(affected), .. }) =
                         &mut client.pending_solve
                     {
                         affected.graph = false;
                     }
                 }
-                self.adjustment_due = !self.landmarks.is_empty() && self.has_active_closure();
+                self.parts.adjustment_due =
+                    !self.parts.landmarks.is_empty() && self.has_active_closure();
             }
-            SolveKind::Global => self.adjustment_due = false,
+            SolveKind::Global => self.parts.adjustment_due = false,
         }
         for &(client, variance) in &solve.closure_variances {
-            if let Some(client) = self.clients.get_mut(client.0 as usize) {
+            if let Some(client) = self.parts.clients.get_mut(client.0 as usize) {
                 client.closure_variance = variance;
             }
         }
         for &(client, frame) in &solve.left_frames {
-            if let Some(client) = self.clients.get_mut(client.0 as usize) {
+            if let Some(client) = self.parts.clients.get_mut(client.0 as usize) {
                 frames::remember(&mut client.earlier_frames, frame);
             }
         }
         for &(client, sequence) in &solve.covered {
             if client == ClientIndex::SERVER {
-                self.place_searches.solved(sequence);
+                self.parts.place_searches.solved(sequence);
             }
-            if let Some(client) = self.clients.get_mut(client.0 as usize) {
+            if let Some(client) = self.parts.clients.get_mut(client.0 as usize) {
                 client.optimized_sequence = client.optimized_sequence.max(sequence);
                 client.pending_solve.take_if(|pending| pending.sequence <= sequence);
             }
@@ -308,36 +317,36 @@ impl Map {
     }
 
     fn remove_keyframe(&mut self, id: EntityId) {
-        let Some(keyframe) = self.keyframes.remove(&id) else { return };
+        let Some(keyframe) = self.parts.keyframes.remove(&id) else { return };
         self.observation_count -= keyframe.observations.len() as u64;
         self.descriptor_bytes -= descriptor_bytes(&keyframe.observations);
         self.descriptor_bytes -= image_bytes(keyframe.global_descriptor.as_deref());
         self.by_age.remove(&(keyframe.added_revision, id));
-        self.place_searches.remove(id);
+        self.parts.place_searches.remove(id);
         for observation in keyframe.observations.iter() {
             self.forget_observer(observation.landmark, id);
         }
-        self.contents.remove(&(Content::Keyframe, id));
+        self.parts.contents.remove(&(Content::Keyframe, id));
         for tie in self.ties.of(id).collect::<Vec<_>>() {
             self.revoke(tie);
         }
     }
 
     fn revoke(&mut self, id: EntityId) {
-        if let Some(constraint) = self.constraints.remove(&id) {
+        if let Some(constraint) = self.parts.constraints.remove(&id) {
             self.ties.remove(constraint.keyframe_i, id);
             self.ties.remove(constraint.keyframe_j, id);
         }
-        if let Some(prior) = self.priors.remove(&id) {
+        if let Some(prior) = self.parts.priors.remove(&id) {
             self.ties.remove(prior.keyframe(), id);
         }
-        self.switched_off.remove(&id);
-        self.contents.remove(&(Content::Constraint, id));
+        self.parts.switched_off.remove(&id);
+        self.parts.contents.remove(&(Content::Constraint, id));
     }
 
     fn retire(&mut self, retired: &Retired) {
         let ties = self.ties.of(retired.keyframe).collect::<Vec<_>>();
-        ties.into_iter().for_each(|tie| self.duplicates.keep(tie));
+        ties.into_iter().for_each(|tie| self.parts.duplicates.keep(tie));
         self.remove_keyframe(retired.keyframe);
         self.remove_landmarks(&retired.landmarks);
         retired.revoked.iter().for_each(|&id| self.revoke(id));

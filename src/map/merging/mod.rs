@@ -17,7 +17,7 @@ use covis_solvers::information::Information;
 use super::frames;
 use super::{
     Client, ClientIndex, Constraint, Content, Duplicates, EntityId, Map, MapError, MapPolicy,
-    PlaceSearches, SharedMap,
+    SharedMap,
 };
 use moving::{is_finite, move_by};
 pub(super) use renaming::Renaming;
@@ -116,12 +116,12 @@ pub enum MergeError {
 impl Map {
     /// The maps that became part of this one and were not taken out again, in the order of the merges.
     pub fn merged(&self) -> &[MergedMap] {
-        &self.merged
+        &self.parts.merged
     }
 
     /// The map that became part of this one as `name`.
     pub fn merged_as(&self, name: &str) -> Option<&MergedMap> {
-        self.merged.iter().find(|merged| merged.name == name)
+        self.merged().iter().find(|merged| merged.name == name)
     }
 
     /// Whether `target`, of which a map became part as `merged` says, has all that clients ever sent to
@@ -133,7 +133,7 @@ impl Map {
             let there = known.and_then(|known| target.client(known.index));
             client.next_sequence <= there.map_or(1, |there| there.next_sequence)
         };
-        self.create_time_ns == merged.create_time_ns && self.clients.iter().all(has_all)
+        self.create_time_ns() == merged.create_time_ns && self.clients().iter().all(has_all)
     }
 
     /// What merges `source`, whose name is `name`, into this map: its world frame and unit are at
@@ -163,7 +163,7 @@ impl Map {
             }
         }
         let mut parts = Renaming::new(&parts, &own).apply(parts);
-        let keeps_priors = has_anchor(&self.policy, &source.policy);
+        let keeps_priors = has_anchor(self.policy(), source.policy());
         move_by(&target_from_source, &mut parts, keeps_priors)?;
         for client in &mut parts.clients {
             client.scale *= scale;
@@ -177,7 +177,7 @@ impl Map {
         let mut closures = Vec::new();
         for link in links {
             let source = Renaming::of_clients(&positions).entity(link.source);
-            let id = EntityId::own(source.client, self.revision + 1, closures.len());
+            let id = EntityId::own(source.client, self.revision() + 1, closures.len());
             let closure = link.closure(source);
             if !closure.keyframe_i_from_keyframe_j.is_finite() {
                 return Err(MergeError::OutOfRange);
@@ -200,12 +200,16 @@ impl Map {
         if let Some(client) = renamed.keys().find(is_client) {
             return Err(MergeError::UnknownClient { client: client.clone() });
         }
-        let anchor = self.policy.geodetic_anchor;
-        let is_other = anchor != source.policy.geodetic_anchor;
-        if is_other && !source.priors.is_empty() && (anchor.is_some() || !self.priors.is_empty()) {
+        let anchor = self.policy().geodetic_anchor;
+        let is_other = anchor != source.policy().geodetic_anchor;
+        if is_other
+            && !source.priors().is_empty()
+            && (anchor.is_some() || !self.priors().is_empty())
+        {
             return Err(MergeError::Anchors);
         }
-        let (mut clients, mut names, mut next) = (Vec::new(), BTreeSet::new(), self.clients.len());
+        let (mut clients, mut names, mut next) =
+            (Vec::new(), BTreeSet::new(), self.clients().len());
         for client in source.clients() {
             let name = renamed.get(&client.name).unwrap_or(&client.name);
             if !names.insert(name.clone()) {
@@ -232,12 +236,12 @@ impl Map {
 
     /// Whether a client has nothing in the map but its name.
     pub(super) fn is_without_content(&self, index: ClientIndex) -> bool {
-        let own = EntityId::new(index, i64::MIN)..=EntityId::new(index, i64::MAX);
-        self.cameras.range(own.clone()).next().is_none()
-            && self.keyframes.range(own.clone()).next().is_none()
-            && self.landmarks.range(own.clone()).next().is_none()
-            && self.constraints.range(own.clone()).next().is_none()
-            && self.priors.range(own).next().is_none()
+        let own = index.ids();
+        self.cameras().range(own.clone()).next().is_none()
+            && self.keyframes().range(own.clone()).next().is_none()
+            && self.landmarks().range(own.clone()).next().is_none()
+            && self.constraints().range(own.clone()).next().is_none()
+            && self.priors().range(own).next().is_none()
     }
 
     /// The map that was merged as `name`, as it is taken out again: its clients with all that is theirs,
@@ -247,10 +251,10 @@ impl Map {
     /// # Errors
     /// [`MergeError::OutOfRange`], and [`MergeError::Content`], a bug.
     pub fn taken_out(&self, name: &str) -> Result<Option<Self>, MergeError> {
-        let Some(place) = self.merged.iter().position(|merged| merged.name == name) else {
+        let Some(place) = self.merged().iter().position(|merged| merged.name == name) else {
             return Ok(None);
         };
-        let merged = &self.merged[place];
+        let merged = &self.merged()[place];
         let going: BTreeMap<ClientIndex, u32> =
             merged.clients.iter().map(|client| client.index).zip(0..).collect();
         let goes = |id: EntityId| going.contains_key(&id.client);
@@ -301,29 +305,24 @@ impl Map {
             parts.duplicates.compared().iter().copied().filter(|id| holds(id)),
         );
         parts.duplicates = duplicates;
-        let searches = &parts.place_searches;
-        let mut place_searches = PlaceSearches::default();
-        place_searches.extend(
-            searches.pending().iter().filter(|(id, _)| goes(**id)).map(|(&id, &r)| (id, r)),
-            searches.done().iter().filter(|(id, _)| goes(**id)).map(|(&id, search)| {
-                let mut search = search.clone();
-                search.candidates.retain(|candidate| goes(candidate.keyframe));
-                search.closure = search.closure.filter(|id| goes(*id));
-                (id, search)
-            }),
-        );
+        let searches = &mut parts.place_searches;
+        searches.pending = kept(&searches.pending, goes);
+        searches.done = kept(&searches.done, goes);
+        for search in searches.done.values_mut() {
+            search.candidates.retain(|candidate| goes(candidate.keyframe));
+            search.closure = search.closure.filter(|id| goes(*id));
+        }
         // A reader of the map as it was must see that it is another state.
-        parts.revision = self.revision.max(merged.revision.saturating_add(1));
+        parts.revision = self.revision().max(merged.revision.saturating_add(1));
         // What the other map's keyframes bent is straightened by the closures that are left.
-        place_searches.set_unsolved(parts.revision);
-        parts.place_searches = place_searches;
+        parts.place_searches.unsolved = parts.revision;
         parts.contents = kept(&parts.contents, |(kind, id)| {
             goes(id) && (kind != Content::Constraint || holds(&id))
         });
-        let inner = self.merged[..place].iter();
+        let inner = self.merged()[..place].iter();
         let inner = inner.filter(|inner| inner.is_among(|client| going.contains_key(&client)));
         parts.merged = inner.cloned().collect();
-        let mut positions = vec![ClientIndex(0); self.clients.len()];
+        let mut positions = vec![ClientIndex(0); self.clients().len()];
         going.iter().for_each(|(old, &new)| positions[old.0 as usize] = ClientIndex(new));
         let renaming = Renaming::new(&parts, &positions);
         let mut parts = renaming.apply(parts);
@@ -340,7 +339,7 @@ impl Map {
         for inner in &mut parts.merged {
             inner.target_from_source = source_from_target.compose(&inner.target_from_source);
         }
-        let keeps_priors = has_anchor(&self.policy, &merged.policy);
+        let keeps_priors = has_anchor(self.policy(), &merged.policy);
         move_by(&source_from_target, &mut parts, keeps_priors)?;
         for client in &mut parts.clients {
             // By division, so that a scale that was 1 is 1 again.

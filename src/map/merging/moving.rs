@@ -88,12 +88,7 @@ pub(super) fn is_finite(parts: &MapParts) -> bool {
         && merged.all(|at| at.is_finite() && SCALES.contains(&at.scale))
         && parts.clients.iter().all(|client| SCALES.contains(&client.scale))
         && positions.all(numbers::is_finite)
-        && parts.priors.values().all(|prior| match prior {
-            Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
-            Prior::Position { position_in_world, point_in_camera, .. } => {
-                numbers::is_finite(position_in_world) && numbers::is_finite(point_in_camera)
-            }
-        })
+        && parts.priors.values().all(Prior::is_finite)
 }
 
 /// Information over the axes of a frame that lies `turned` in another one, over the axes of the latter.

@@ -114,13 +114,13 @@ impl<'a> Renaming<'a> {
 
     /// The parts under their new ids. The clients stay in their list; the scalars stay as they are.
     pub(in crate::map) fn apply(&self, parts: MapParts) -> MapParts {
-        let mut place_searches = PlaceSearches::default();
-        let (pending, done) = (parts.place_searches.pending(), parts.place_searches.done());
-        place_searches.extend(
-            pending.iter().map(|(&id, &revision)| (self.entity(id), revision)),
-            done.iter().map(|(&id, search)| (self.entity(id), self.search(search))),
-        );
-        place_searches.set_unsolved(parts.place_searches.unsolved());
+        let PlaceSearches { pending, done, unsolved } = &parts.place_searches;
+        let done = done.iter().map(|(&id, search)| (self.entity(id), self.search(search)));
+        let place_searches = PlaceSearches {
+            pending: pending.iter().map(|(&id, &at)| (self.entity(id), at)).collect(),
+            done: done.collect(),
+            unsolved: *unsolved,
+        };
         let mut duplicates = Duplicates::default();
         let pair = |(a, b, closure): (EntityId, EntityId, Option<EntityId>)| {
             (self.entity(a), self.entity(b), closure.map(|closure| self.constraint(closure)))

@@ -82,12 +82,8 @@ pub fn retirement_problem(map: &Map, keyframe: EntityId) -> MapProblem {
     let mut near: Vec<(EntityId, u32)> = map.covisibility().neighbors(keyframe).collect();
     near.sort_unstable_by_key(|&(id, shared)| (Reverse(shared), id));
     near.truncate(NEIGHBORS);
-    let tied = map.ties().of(keyframe).filter_map(|id| {
-        let constraint = map.active_constraint(id)?;
-        let is_i = constraint.keyframe_i == keyframe;
-        Some(if is_i { constraint.keyframe_j } else { constraint.keyframe_i })
-    });
-    let neighbors: BTreeSet<EntityId> = near.into_iter().map(|(id, _)| id).chain(tied).collect();
+    let near = near.into_iter().map(|(id, _)| id);
+    let neighbors: BTreeSet<EntityId> = near.chain(map.tied(keyframe)).collect();
     let mut builder = Builder::new(map, map.policy().observation_loss);
     builder.keyframe(keyframe, false);
     neighbors.into_iter().for_each(|id| builder.keyframe(id, false));

@@ -28,7 +28,7 @@ use nalgebra::Vector6;
 
 use super::{ClosureEdge, GraphProblem, priors};
 use crate::map::keyframe_pairs::odometry;
-use crate::map::{ClientIndex, ConstraintKind, EntityId, Gauge, GraphPairs, Map};
+use crate::map::{ClientIndex, Constraint, ConstraintKind, EntityId, Gauge, GraphPairs, Map};
 
 /// Translation error over distance.
 const DISTANCE_SHARE: f64 = 0.02;
@@ -94,14 +94,14 @@ fn measured_edges(
         .constraints()
         .values()
         .filter(|constraint| constraint.kind != ConstraintKind::LoopClosure)
-        .map(|constraint| ordered(constraint.keyframe_i, constraint.keyframe_j))
+        .map(Constraint::pair)
         .collect();
     let by_odometry: Vec<Option<Se3>> =
         pairs.pairs.iter().map(|&pair| pair_odometry(pairs, pair)).collect();
     let median = median_distance(&by_odometry);
     let edge = |((&pair, motion), by_odometry): ((&[usize; 2], &Option<RelativeMotion>), _)| {
         let [a, b] = pair.map(|at| pairs.keyframes[at].0);
-        if !replaced.is_empty() && replaced.contains(&ordered(a, b)) {
+        if !replaced.is_empty() && replaced.contains(&(a.min(b), a.max(b))) {
             return None;
         }
         let motion = match motion {
@@ -167,10 +167,6 @@ fn scale(
             edge.information = edge.information.scaled(1.0 / factors.closures);
         }
     }
-}
-
-fn ordered(a: EntityId, b: EntityId) -> (EntityId, EntityId) {
-    if a <= b { (a, b) } else { (b, a) }
 }
 
 /// The median distance of the pairs by odometry; 1 where it is negligible or there is none.

@@ -77,8 +77,7 @@ proptest! {
         for found in index.query((&query, &numbers), (1024, 9), &[], |id| id == excluded) {
             prop_assert!(found.keyframe != excluded && found.score > 0.0 && found.score <= 1.0);
             let words = &model[&found.keyframe];
-            for (a, b, d) in found.matches {
-                let (a, b) = (usize::from(a), usize::from(b));
+            for PlaceMatch { query: a, candidate: b, distance: d } in found.matches {
                 prop_assert_eq!(d, distance(&query[4 * a..4 * a + 4], &words[4 * b..4 * b + 4]));
             }
         }

@@ -120,11 +120,11 @@ impl Actor {
         let clients: Vec<ClientIndex> =
             merged.into_iter().flat_map(|merged| &merged.clients).map(|c| c.index).collect();
         let store = Arc::clone(&self.shared.store);
-        let epoch = match store.create_map_of(&name, Arc::clone(&content)).await {
+        let epoch = match store.create_map(&name, Some(Arc::clone(&content))).await {
             // No engine owns it: a failed creation left it and could not be undone.
             Err(StoreError::MapExists { .. }) => {
                 store.delete_map(&name).await?;
-                store.create_map_of(&name, Arc::clone(&content)).await?
+                store.create_map(&name, Some(Arc::clone(&content))).await?
             }
             epoch => epoch?,
         };

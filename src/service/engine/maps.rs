@@ -170,10 +170,7 @@ impl Maps {
         content: Option<&Arc<Map>>,
     ) -> Result<Epoch, EngineError> {
         let store = &self.inner.store;
-        let create = async || match content {
-            Some(content) => store.create_map_of(name, Arc::clone(content)).await,
-            None => store.create_map(name).await,
-        };
+        let create = async || store.create_map(name, content.cloned()).await;
         match create().await {
             Err(StoreError::MapExists { .. }) => {
                 let (map, events) = stored(&**store, name).await?;

@@ -55,7 +55,7 @@ impl Recognition {
     fn is_due(&self, map: &Map) -> bool {
         !self.waits_for_journal
             && map.policy().place_recognition
-            && !map.place_searches().pending().is_empty()
+            && !map.place_searches().pending.is_empty()
     }
 
     /// The journal took a change, or brought some to the disk.
@@ -65,7 +65,7 @@ impl Recognition {
 
     /// Starts to search the places of the keyframes that have waited longest.
     fn start(&mut self, map: &Arc<Map>) {
-        let pending = map.place_searches().pending().iter();
+        let pending = map.place_searches().pending.iter();
         let mut due: Vec<(i64, EntityId)> = pending.map(|(&id, &asked)| (asked, id)).collect();
         if due.len() > SEARCHED_AT_ONCE {
             due.select_nth_unstable(SEARCHED_AT_ONCE);
@@ -130,7 +130,7 @@ type Closures = Vec<(EntityId, Constraint)>;
 fn wanted(map: &Map, found: &[Found]) -> (Searches, Closures) {
     let (mut searches, mut closures) = (Vec::new(), Vec::new());
     for Found { keyframe, asked, search, closure } in found {
-        let is_asked = map.place_searches().pending().get(keyframe) == Some(asked);
+        let is_asked = map.place_searches().pending.get(keyframe) == Some(asked);
         let is_held =
             |constraint: &Constraint| map.keyframes().contains_key(&constraint.keyframe_i);
         if !is_asked || !closure.as_ref().is_none_or(is_held) {

@@ -33,7 +33,7 @@ pub(in crate::service) async fn place_searches(
 ) -> Result<(), ServiceError> {
     let mut pager = Pager::new(map.revision(), pages, sink);
     for range in pages.ranges(map) {
-        for (&id, search) in map.place_searches().done().range(range.ids.clone()) {
+        for (&id, search) in map.place_searches().done.range(range.ids.clone()) {
             pager.push(to_place_search(map, id, search), range.place(id, None)).await?;
         }
     }

@@ -3,19 +3,19 @@
 //! Both matches name every variant: a new kind of change does not compile until it has its message.
 
 use super::entities::{
-    decode_camera_set, decode_constraint, decode_descriptor, decode_id, decode_kind,
-    decode_new_landmarks, decode_observations, decode_policy, decode_pose, decode_prior,
-    decode_scale, decode_similarity, decode_switched_off, decode_vector, encode_camera_set,
-    encode_constraint, encode_descriptor, encode_id, encode_new_landmarks, encode_observations,
-    encode_policy, encode_pose, encode_prior, encode_scale, encode_switched_off, encode_vector,
-    required_id,
+    decode_camera_set, decode_constraint, decode_descriptor, decode_id, decode_ids, decode_kind,
+    decode_observations, decode_point, decode_policy, decode_pose, decode_prior, decode_scale,
+    decode_similarity, decode_switched_off, encode_camera_set, encode_constraint,
+    encode_descriptor, encode_id, encode_ids, encode_observations, encode_point, encode_policy,
+    encode_pose, encode_prior, encode_scale, encode_switched_off, required_id,
 };
 use super::merging::{decode_merge, encode_merge};
 use super::places::{decode_search, encode_search};
 use super::v1::event::Change as Wire;
 use super::{EncodingError, required, v1};
 use crate::map::{
-    AppliedSolve, Change, ClientIndex, Comparison, EntityId, RequestId, Retired, SolveKind,
+    AppliedSolve, Change, ClientIndex, Comparison, EntityId, NewLandmark, RequestId, Retired,
+    SolveKind,
 };
 use nalgebra::Vector3;
 
@@ -49,13 +49,14 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             world_from_camera: Some(encode_pose(world_from_camera)),
             odom_from_camera: Some(encode_pose(odom_from_camera)),
             observations: encode_observations(observations),
-            landmarks: encode_new_landmarks(landmarks),
+            landmarks: landmarks.iter().map(encode_point).collect(),
             motion: motion.map(|motion| encode_pose(&motion.rigid())),
             scale: motion.and_then(|motion| encode_scale(motion.scale)),
             global_descriptor: global_descriptor.as_deref().map(encode_descriptor),
         }),
         Change::LandmarksAdded { landmarks, scale } => {
-            let (landmarks, scale) = (encode_new_landmarks(landmarks), encode_scale(*scale));
+            let landmarks = landmarks.iter().map(encode_point).collect();
+            let scale = encode_scale(*scale);
             Wire::LandmarksAdded(v1::LandmarksAdded { landmarks, scale })
         }
         Change::ObservationsAdded { keyframe, observations } => {
@@ -83,7 +84,7 @@ pub(super) fn encode_change(change: &Change) -> Wire {
         }
         Change::LandmarksFused { kept, absorbed } => Wire::LandmarksFused(v1::LandmarksFused {
             kept: Some(encode_id(*kept)),
-            absorbed: absorbed.iter().copied().map(encode_id).collect(),
+            absorbed: encode_ids(absorbed),
         }),
         Change::DuplicatesFound { comparisons } => {
             let comparison = |comparison: &Comparison| v1::Comparison {
@@ -99,8 +100,8 @@ pub(super) fn encode_change(change: &Change) -> Wire {
         }
         Change::DuplicatesSplit { closures, landmarks } => {
             Wire::DuplicatesSplit(v1::DuplicatesSplit {
-                closures: closures.iter().copied().map(encode_id).collect(),
-                landmarks: landmarks.iter().copied().map(encode_id).collect(),
+                closures: encode_ids(closures),
+                landmarks: encode_ids(landmarks),
             })
         }
         Change::PlacesSearched { searches, closures } => Wire::PlacesSearched(v1::PlacesSearched {
@@ -110,7 +111,7 @@ pub(super) fn encode_change(change: &Change) -> Wire {
         Change::MapMerged { merge } => Wire::MapMerged(encode_merge(merge)),
         Change::MapTakenOut { name } => Wire::MapTakenOut(v1::MapTakenOut { name: name.clone() }),
         Change::LandmarksRemoved { landmarks } => {
-            let landmarks = landmarks.iter().copied().map(encode_id).collect();
+            let landmarks = encode_ids(landmarks);
             Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks })
         }
         Change::KeyframeRemoved { keyframe } => Wire::KeyframeRemoved(encode_id(*keyframe)),
@@ -145,7 +146,7 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
             world_from_camera: decode_pose(added.world_from_camera, "world_from_camera")?,
             odom_from_camera: decode_pose(added.odom_from_camera, "odom_from_camera")?,
             observations: decode_observations(added.observations)?,
-            landmarks: decode_new_landmarks(added.landmarks),
+            landmarks: added.landmarks.into_iter().map(decode_point).collect(),
             global_descriptor: added.global_descriptor.map(decode_descriptor).transpose()?,
             motion: added
                 .motion
@@ -153,7 +154,7 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
                 .transpose()?,
         },
         Wire::LandmarksAdded(v1::LandmarksAdded { landmarks, scale }) => Change::LandmarksAdded {
-            landmarks: decode_new_landmarks(landmarks),
+            landmarks: landmarks.into_iter().map(decode_point).collect(),
             scale: decode_scale(scale),
         },
         Wire::ObservationsAdded(v1::ObservationsAdded { keyframe, observations }) => {
@@ -183,7 +184,7 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
         }
         Wire::LandmarksFused(v1::LandmarksFused { kept, absorbed }) => Change::LandmarksFused {
             kept: required_id(kept, "a landmark")?,
-            absorbed: absorbed.into_iter().map(decode_id).collect(),
+            absorbed: decode_ids(absorbed),
         },
         Wire::DuplicatesFound(v1::DuplicatesFound { comparisons }) => {
             let comparisons = comparisons.into_iter().map(decode_comparison);
@@ -191,8 +192,8 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
         }
         Wire::DuplicatesSplit(v1::DuplicatesSplit { closures, landmarks }) => {
             Change::DuplicatesSplit {
-                closures: closures.into_iter().map(decode_id).collect(),
-                landmarks: landmarks.into_iter().map(decode_id).collect(),
+                closures: decode_ids(closures),
+                landmarks: decode_ids(landmarks),
             }
         }
         Wire::PlacesSearched(v1::PlacesSearched { searches, closures }) => Change::PlacesSearched {
@@ -200,7 +201,7 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
             closures: closures.into_iter().map(decode_constraint).collect::<Decoded<_>>()?,
         },
         Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks }) => {
-            Change::LandmarksRemoved { landmarks: landmarks.into_iter().map(decode_id).collect() }
+            Change::LandmarksRemoved { landmarks: decode_ids(landmarks) }
         }
         Wire::KeyframeRemoved(id) => Change::KeyframeRemoved { keyframe: decode_id(id) },
         Wire::KeyframeRetired(retired) => {
@@ -234,8 +235,8 @@ fn encode_retired(retired: &Retired) -> v1::KeyframeRetired {
     let Retired { keyframe, landmarks, revoked, constraints, priors } = retired;
     v1::KeyframeRetired {
         keyframe: Some(encode_id(*keyframe)),
-        landmarks: landmarks.iter().copied().map(encode_id).collect(),
-        revoked: revoked.iter().copied().map(encode_id).collect(),
+        landmarks: encode_ids(landmarks),
+        revoked: encode_ids(revoked),
         constraints: constraints.iter().map(|(id, c)| encode_constraint(*id, c)).collect(),
         priors: priors.iter().map(|(id, prior)| encode_prior(*id, prior)).collect(),
     }
@@ -245,26 +246,22 @@ fn decode_retired(message: v1::KeyframeRetired) -> Decoded<Retired> {
     let v1::KeyframeRetired { keyframe, landmarks, revoked, constraints, priors } = message;
     Ok(Retired {
         keyframe: required_id(keyframe, "a keyframe")?,
-        landmarks: landmarks.into_iter().map(decode_id).collect(),
-        revoked: revoked.into_iter().map(decode_id).collect(),
+        landmarks: decode_ids(landmarks),
+        revoked: decode_ids(revoked),
         constraints: constraints.into_iter().map(decode_constraint).collect::<Decoded<_>>()?,
         priors: priors.into_iter().map(decode_prior).collect::<Decoded<_>>()?,
     })
 }
 
 fn encode_positions(positions: &[(EntityId, Vector3<f64>)]) -> Vec<v1::Point> {
-    let point = |(id, position): &(EntityId, Vector3<f64>)| v1::Point {
-        client: id.client.0,
-        id: id.id,
-        position: Some(encode_vector(position)),
-    };
+    let point = |&(id, position): &_| encode_point(&NewLandmark { id, position: Some(position) });
     positions.iter().map(point).collect()
 }
 
 fn decode_positions(points: Vec<v1::Point>) -> Decoded<Vec<(EntityId, Vector3<f64>)>> {
-    let position = |v1::Point { client, id, position }| {
-        let position = decode_vector(required(position, "a position")?);
-        Ok((EntityId::new(ClientIndex(client), id), position))
+    let position = |point| {
+        let NewLandmark { id, position } = decode_point(point);
+        Ok((id, required(position, "a position")?))
     };
     points.into_iter().map(position).collect()
 }
@@ -311,7 +308,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         initial_cost: initial_cost.to_bits(),
         final_cost: final_cost.to_bits(),
         switched_off: switched_off.iter().map(|(id, off)| encode_switched_off(*id, off)).collect(),
-        switched_on: switched_on.iter().copied().map(encode_id).collect(),
+        switched_on: encode_ids(switched_on),
         closure_variances: closure_variances.iter().map(variance).collect(),
         left_frames: left_frames.iter().map(left_frame).collect(),
         request: request.map(Vec::from).unwrap_or_default(),
@@ -344,7 +341,7 @@ fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
             .into_iter()
             .map(decode_switched_off)
             .collect::<Decoded<_>>()?,
-        switched_on: solve.switched_on.into_iter().map(decode_id).collect(),
+        switched_on: decode_ids(solve.switched_on),
         closure_variances: solve
             .closure_variances
             .into_iter()

@@ -1,9 +1,11 @@
 //! A client of a map as the message of a snapshot, with what is to be solved for it, and back to the same
 //! values. Its items are parts of their own. Nothing here knows where messages are kept.
 
-use super::entities::{decode_id, decode_pose, decode_scale, encode_id, encode_pose, encode_scale};
+use super::entities::{
+    decode_ids, decode_pose, decode_scale, encode_id, encode_ids, encode_pose, encode_scale,
+};
 use super::{EncodingError, v1};
-use crate::map::{Affected, Client, EntityId, PendingSolve, SolveRequest};
+use crate::map::{Affected, Client, PendingSolve, SolveRequest};
 
 pub(super) fn encode_client(client: &Client) -> v1::Client {
     let Client {
@@ -61,16 +63,14 @@ fn encode_unsolved(unsolved: &PendingSolve) -> v1::Unsolved {
         SolveRequest::Views(keyframe) => (1, vec![encode_id(*keyframe)], false),
         SolveRequest::LoopClosure => (2, Vec::new(), true),
         SolveRequest::Prior => (3, Vec::new(), true),
-        SolveRequest::Edited(Affected { graph, keyframes }) => {
-            (4, keyframes.iter().copied().map(encode_id).collect(), *graph)
-        }
+        SolveRequest::Edited(Affected { graph, keyframes }) => (4, encode_ids(keyframes), *graph),
     };
     v1::Unsolved { sequence: unsolved.sequence, kind, keyframes, graph }
 }
 
 fn decode_unsolved(unsolved: v1::Unsolved) -> Result<PendingSolve, EncodingError> {
     let v1::Unsolved { sequence, kind, keyframes, graph } = unsolved;
-    let keyframes: Vec<EntityId> = keyframes.into_iter().map(decode_id).collect();
+    let keyframes = decode_ids(keyframes);
     let request = match (kind, &keyframes[..], graph) {
         (1, &[keyframe], false) => SolveRequest::Views(keyframe),
         (2, [], true) => SolveRequest::LoopClosure,

@@ -172,22 +172,13 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
         },
         closure_threshold: threshold.map(f64::to_bits),
         max_bytes: limits.bytes,
-        when_full: match when_full {
-            WhenFull::Reject => 0,
-            WhenFull::Marginalize => 1,
-            WhenFull::Sparsify => 2,
-        },
+        when_full: *when_full as u32,
         max_queued_items: *max_queued_items,
         max_clients: limits.clients,
         max_cameras: limits.cameras,
         max_constraints: limits.constraints,
         max_priors: limits.priors,
-        gauge: match gauge {
-            Gauge::FirstKeyframeFixed => 0,
-            Gauge::Free => 1,
-            Gauge::Priors => 2,
-            Gauge::FixedPoses => 3,
-        },
+        gauge: *gauge as u32,
         geodetic_anchor: geodetic_anchor.as_ref().map(encode_geodetic),
     }
 }
@@ -261,18 +252,6 @@ pub(super) fn decode_policy(policy: Option<v1::Policy>) -> Decoded<MapPolicy> {
     })
 }
 
-fn encode_projection(camera: &Camera) -> (u32, Vec<f64>) {
-    match *camera {
-        Camera::Pinhole(PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 }) => {
-            (1, vec![fx, fy, cx, cy, k1, k2, p1, p2, k3])
-        }
-        Camera::Fisheye(KannalaBrandt { fx, fy, cx, cy, k1, k2, k3, k4 }) => {
-            (2, vec![fx, fy, cx, cy, k1, k2, k3, k4])
-        }
-        Camera::Snavely(Snavely { focal, k1, k2 }) => (3, vec![focal, k1, k2]),
-    }
-}
-
 fn decode_projection(model: u32, parameters: &[f64]) -> Decoded<Camera> {
     match (model, parameters) {
         (1, &[fx, fy, cx, cy, k1, k2, p1, p2, k3]) => {
@@ -289,7 +268,12 @@ fn decode_projection(model: u32, parameters: &[f64]) -> Decoded<Camera> {
 
 pub(super) fn encode_camera_set(id: EntityId, camera: &CameraEntity) -> v1::CameraSet {
     let CameraEntity { camera, width_px, height_px } = *camera;
-    let (model, parameters) = encode_projection(&camera);
+    let model = match camera {
+        Camera::Pinhole(_) => 1,
+        Camera::Fisheye(_) => 2,
+        Camera::Snavely(_) => 3,
+    };
+    let parameters = camera.parameters().as_slice().to_vec();
     let camera = v1::Camera { model, parameters, width_px, height_px };
     v1::CameraSet { id: Some(encode_id(id)), camera: Some(camera) }
 }
@@ -353,21 +337,22 @@ pub(super) fn decode_descriptor(descriptor: v1::Descriptor) -> Decoded<Arc<Descr
     Ok(Arc::new(Descriptor { kind, name, data }))
 }
 
-pub(super) fn encode_new_landmarks(landmarks: &[NewLandmark]) -> Vec<v1::Point> {
-    let point = |&NewLandmark { id, position }: &NewLandmark| v1::Point {
-        client: id.client.0,
-        id: id.id,
-        position: position.as_ref().map(encode_vector),
-    };
-    landmarks.iter().map(point).collect()
+pub(super) fn encode_point(&NewLandmark { id, position }: &NewLandmark) -> v1::Point {
+    let EntityId { client, id } = id;
+    v1::Point { client: client.0, id, position: position.as_ref().map(encode_vector) }
 }
 
-pub(super) fn decode_new_landmarks(points: Vec<v1::Point>) -> Vec<NewLandmark> {
-    let landmark = |v1::Point { client, id, position }: v1::Point| NewLandmark {
-        id: EntityId::new(ClientIndex(client), id),
-        position: position.map(decode_vector),
-    };
-    points.into_iter().map(landmark).collect()
+pub(super) fn decode_point(v1::Point { client, id, position }: v1::Point) -> NewLandmark {
+    let id = EntityId::new(ClientIndex(client), id);
+    NewLandmark { id, position: position.map(decode_vector) }
+}
+
+pub(super) fn encode_ids(ids: &[EntityId]) -> Vec<v1::Id> {
+    ids.iter().copied().map(encode_id).collect()
+}
+
+pub(super) fn decode_ids(ids: Vec<v1::Id>) -> Vec<EntityId> {
+    ids.into_iter().map(decode_id).collect()
 }
 
 pub(super) fn encode_constraint(id: EntityId, constraint: &Constraint) -> v1::Constraint {

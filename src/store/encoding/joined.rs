@@ -160,7 +160,7 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
                 final_cost: f64::from_bits(request.final_cost),
             }),
         };
-        parts.place_searches.set_unsolved(head.unsolved_closures);
+        parts.place_searches.unsolved = head.unsolved_closures;
         parts.merged = head.merged.into_iter().map(decode_merged).collect::<Result<_, _>>()?;
     }
     for client in part.clients {
@@ -190,12 +190,8 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
         parts.duplicates.extend([(a, b, closure.map(decode_id))], []);
     }
     parts.duplicates.extend([], part.compared.into_iter().map(decode_id));
-    for search in part.searches {
-        parts.place_searches.extend([], [decode_search(search)?]);
-    }
-    for pending in part.pending_searches {
-        parts.place_searches.extend([decode_pending(pending)?], []);
-    }
+    take(&mut parts.place_searches.done, part.searches, decode_search)?;
+    take(&mut parts.place_searches.pending, part.pending_searches, decode_pending)?;
     for v1::Content { kind, id, digest } in part.contents {
         let kinds = [Content::Camera, Content::Keyframe, Content::Constraint];
         let kind = decode_kind(&kinds, kind, "the kind of a content")?;

@@ -155,13 +155,13 @@ impl At {
                 (filled(v1::MapPart { compared, ..part }), next)
             }
             Self::Searches(first) => {
-                let entries = map.place_searches().done().entries_from(first);
+                let entries = map.place_searches().done.entries_from(first);
                 let (searches, next) = chunk(entries, PART, encode_search);
                 let next = next.map_or(Self::PendingSearches(FIRST), Self::Searches);
                 (filled(v1::MapPart { searches, ..part }), next)
             }
             Self::PendingSearches(first) => {
-                let entries = map.place_searches().pending().entries_from(first);
+                let entries = map.place_searches().pending.entries_from(first);
                 let (pending_searches, next) = chunk(entries, PART, encode_pending);
                 let contents = Self::Contents((Content::Camera, FIRST));
                 let next = next.map_or(contents, Self::PendingSearches);
@@ -209,7 +209,7 @@ fn head(map: &Map) -> v1::MapHead {
         state_hash: map.state_hash().to_vec(),
         frozen: map.is_frozen(),
         adjustment_due: map.is_adjustment_due(),
-        unsolved_closures: map.place_searches().unsolved(),
+        unsolved_closures: map.place_searches().unsolved,
         merged: map.merged().iter().map(encode_merged).collect(),
         last_request: map.last_request().map(|request| v1::LastRequest {
             id: request.id.to_vec(),

@@ -1,4 +1,4 @@
-//! The file system that the store needs: a trait, the real one, and a read-only one.
+//! The file system that the store needs: a trait, and the real one.
 //!
 //! The tests have other implementations, which lose what was not synced, tear writes and fail on
 //! demand. A disk also decides where blocking work runs and provides the time, so that a simulation
@@ -119,71 +119,6 @@ impl Disk for RealDisk {
     /// Elsewhere a folder cannot be opened; its names are durable with the journal of the system.
     #[cfg(not(unix))]
     fn sync_folder(&self, _path: &Path) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-/// The operating system's files, read-only: an operation that would change them succeeds and does
-/// nothing.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::store) struct ReadOnly;
-
-impl Disk for ReadOnly {
-    fn create_folder(&self, _path: &Path) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn list(&self, folder: &Path) -> io::Result<Vec<String>> {
-        RealDisk.list(folder)
-    }
-
-    fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
-        RealDisk.read(path)
-    }
-
-    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read + Send>> {
-        RealDisk.stream(path)
-    }
-
-    fn create(&self, _path: &Path) -> io::Result<Box<dyn DiskFile>> {
-        Ok(Box::new(*self))
-    }
-
-    fn open(&self, _path: &Path) -> io::Result<Box<dyn DiskFile>> {
-        Ok(Box::new(*self))
-    }
-
-    fn overwrite(&self, _path: &Path, _bytes: &[u8]) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn rename(&self, _from: &Path, _to: &Path) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn remove(&self, _path: &Path) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn remove_folder(&self, _path: &Path) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn sync_folder(&self, _path: &Path) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-impl DiskFile for ReadOnly {
-    fn append(&mut self, _bytes: &[u8]) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn sync(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn truncate(&mut self, _length: u64) -> io::Result<()> {
         Ok(())
     }
 }

@@ -8,17 +8,17 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::disk::{Disk, ReadOnly, RealDisk};
+use super::disk::{Disk, RealDisk};
 use super::folders::{self, Folder, unused_name};
 use super::journal::Journal;
-use super::load::load;
 use super::lock::DirectoryLock;
 use super::record::{Uid, VERSION};
 use super::{
-    FileStoreOptions, MARK, SET_ASIDE, file_error, journal_name, read, sealed, snapshot_name,
+    FileStoreOptions, MARK, SET_ASIDE, file_error, journal_name, load, read, sealed, snapshot_name,
+    whole_file,
 };
 use crate::map::Map;
-use crate::store::encoding::{decode_identity, encode_identity};
+use crate::store::encoding::decode_identity;
 use crate::store::{Damage, StoreError, sequence_of};
 
 /// The result of checking the files of a map.
@@ -146,19 +146,11 @@ struct Found {
 fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
     let folder = checkup.folder.clone();
     let uid = identity(checkup)?;
-    let found = load(&ReadOnly, &folder, &uid)?;
+    let found = load::look(&RealDisk, &folder, &uid)?;
     checkup.segments = found.segments.iter().map(|&first| journal_name(first)).collect();
-    let (last, kept, damage) = (found.last, found.snapshots.clone(), found.damage.clone());
-    for mut damage in damage {
-        // Nothing was renamed.
-        let path = Path::new(&damage.file);
-        if path.extension().is_some_and(|extension| extension == "bad") {
-            damage.file = path.with_extension("snap").display().to_string();
-        }
-        checkup.damage.push(damage);
-    }
-    let mut snapshots = Vec::new();
-    for sequence in kept {
+    checkup.damage.extend(found.damage.iter().cloned());
+    let (last, mut snapshots) = (found.last, Vec::new());
+    for &sequence in &found.snapshots {
         let path = folder.join(snapshot_name(sequence));
         let mut file = RealDisk.stream(&path).map_err(|e| file_error("cannot read", &path, &e))?;
         match sealed::read_snapshot(&mut file) {
@@ -172,9 +164,9 @@ fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
     let name = checkup.map.clone().unwrap_or_default();
     let options = FileStoreOptions::default();
     let journal =
-        Journal::new(&name, uid, folder.clone(), Arc::new(ReadOnly), options, &Arc::default());
-    // Nothing changes on this disk, so that nothing is made durable.
-    let _settled = journal.loaded(found);
+        Journal::new(&name, uid, folder.clone(), Arc::new(RealDisk), options, &Arc::default());
+    // It is only read: nothing is made durable.
+    journal.loaded(found);
     let map = replay(&journal, last, &snapshots, checkup)?;
     checkup.revision = sequence_of(map.revision());
     checkup.snapshot = snapshots.last().map(|map| sequence_of(map.revision()));
@@ -261,7 +253,7 @@ fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(),
         let uid: String = found.uid.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
         let name = format!("recovered-{uid}");
         let path = folder.join("map");
-        sealed::write_identity(&RealDisk, &path, &found.uid, &encode_identity(&name))?;
+        sealed::write_identity(&RealDisk, &path, &found.uid, &name)?;
         checkup.map = Some(name);
     }
     if lost || checkup.damage.iter().any(|damage| is_log(&PathBuf::from(&damage.file))) {
@@ -291,9 +283,4 @@ fn set_aside(path: &Path, folder: &Path) -> Result<PathBuf, StoreError> {
     RealDisk.rename(path, &to).map_err(failed)?;
     RealDisk.sync_folder(folder).map_err(failed)?;
     Ok(to)
-}
-
-/// The damage of a file of which nothing can be used.
-fn whole_file(path: &Path) -> Damage {
-    Damage { file: path.display().to_string(), offset: 0, lost: None }
 }

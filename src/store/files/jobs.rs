@@ -19,7 +19,7 @@ use std::sync::Arc;
 use super::disk::Disk;
 use super::file_error;
 use super::folders::{discard, name_of, uid_of};
-use super::sealed::{self, Kind, SealError};
+use super::sealed::{self, Kind, Label, SealError, unseal};
 use crate::store::StoreError;
 use crate::store::job_files::{JobFile, JobFileError, JobFolder, JobUid};
 
@@ -100,7 +100,8 @@ impl JobFolders {
             self.disk.sync_folder(&self.root).map_err(failed)?;
         }
         let path = folder.join(name_of_file(file));
-        sealed::write_of_job(&*self.disk, &path, kind_of(file), uid, body)
+        let label = Label { uid: *uid, sequence: 0 };
+        sealed::write(&*self.disk, &path, (kind_of(file), &label), body)
     }
 
     /// Reads a file of a job.
@@ -111,7 +112,7 @@ impl JobFolders {
         read: impl FnOnce(&mut dyn BufRead) -> io::Result<T>,
     ) -> Result<T, JobFileError> {
         let path = self.root.join(name_of(uid)).join(name_of_file(file));
-        let named = |reason: String| (path.display().to_string(), reason);
+        let name = path.display().to_string();
         let stream = self.disk.stream(&path);
         let mut stream = stream.map_err(|error| {
             if error.kind() == ErrorKind::NotFound {
@@ -119,24 +120,17 @@ impl JobFolders {
             }
             JobFileError::Store(file_error("cannot read", &path, &error))
         })?;
-        let unsealed = sealed::read_of_job(kind_of(file), &mut stream, read);
-        match unsealed {
+        match unseal(kind_of(file), &mut stream, |_label, body| Ok(read(body)?)) {
             Ok((label, _)) if label.uid != *uid => {
-                let (file, reason) = named("it belongs to another folder".to_owned());
-                Err(JobFileError::Damaged { file, reason })
+                let reason = "it belongs to another folder".to_owned();
+                Err(JobFileError::Damaged { file: name, reason })
             }
             Ok((_, value)) => Ok(value),
             Err(SealError::Disk(error)) => {
                 Err(JobFileError::Store(file_error("cannot read", &path, &error)))
             }
-            Err(SealError::Later(reason)) => {
-                let (file, reason) = named(reason);
-                Err(JobFileError::Later { file, reason })
-            }
-            Err(SealError::Damaged(reason)) => {
-                let (file, reason) = named(reason);
-                Err(JobFileError::Damaged { file, reason })
-            }
+            Err(SealError::Later(reason)) => Err(JobFileError::Later { file: name, reason }),
+            Err(SealError::Damaged(reason)) => Err(JobFileError::Damaged { file: name, reason }),
         }
     }
 
@@ -171,14 +165,7 @@ impl JobFolders {
 }
 
 fn kind_of(file: JobFile) -> Kind {
-    match file {
-        JobFile::Record => Kind::Job,
-        JobFile::Upload
-        | JobFile::Input(_)
-        | JobFile::Output(_)
-        | JobFile::Part(_)
-        | JobFile::Checkpoint(_) => Kind::JobData,
-    }
+    if file == JobFile::Record { Kind::Job } else { Kind::JobData }
 }
 
 pub(super) fn name_of_file(file: JobFile) -> String {

@@ -16,7 +16,6 @@ use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, MutexGuard};
-use std::time::Duration;
 
 use tokio::sync::watch;
 
@@ -27,7 +26,9 @@ use super::writer::Writer;
 use super::{FileStoreOptions, file_error, journal_name};
 use crate::map::Event;
 use crate::store::encoding::encode_event;
-use crate::store::{Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of};
+use crate::store::{
+    Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of, wait_durable,
+};
 use crate::sync::Mutex;
 
 /// Bytes that may wait for a flush; beyond that, appends wait too.
@@ -121,9 +122,9 @@ impl Journal {
         self.writer.lock()
     }
 
-    /// Takes over what was found on disk, and makes it durable if that is not certain. If that must
-    /// be tried again, returns the delay until [`Journal::flush`]. Blocks.
-    pub(super) fn loaded(&self, found: Found) -> Option<Duration> {
+    /// Takes over what was found on disk. The first [`Journal::flush`] makes it durable if that is not
+    /// certain.
+    pub(super) fn loaded(&self, found: Found) {
         let mut state = self.state();
         state.loaded = true;
         state.last = found.last;
@@ -141,7 +142,6 @@ impl Journal {
         drop(state);
         *self.writer() = Writer::of(found.segments, found.unsynced);
         self.tell();
-        self.flush()
     }
 
     /// Reports to all followers how far the journal is durable.
@@ -229,13 +229,7 @@ impl Journal {
     /// Why they do not become durable, or not soon.
     pub(super) async fn wait_durable(&self) -> Result<(), StoreError> {
         let last = self.state().last;
-        let mut flushed = self.follow();
-        let reached = flushed.wait_for(|f| f.through >= last || f.trouble().is_some()).await;
-        // The journal holds the sender, so that the channel is open.
-        match reached.ok().and_then(|flushed| flushed.trouble().cloned()) {
-            Some(error) => Err(error),
-            None => Ok(()),
-        }
+        wait_durable(self.follow(), last).await
     }
 
     /// Waits while too much is pending and the journal works.

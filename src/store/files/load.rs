@@ -10,13 +10,13 @@
 //! - Lost events that were acknowledged make the map read-only: it opens with what is contiguous,
 //!   accepts no changes, and its files stay as they are.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::disk::Disk;
 use super::record::{HEAD, HEADER, Header, Uid, read_header, read_mark, scan};
-use super::sealed::{Label, SealError, later};
+use super::sealed::{Label, later};
 use super::writer::{Tail, Unsynced};
-use super::{MARK, file_error, journal_name, sealed, sequence_in};
+use super::{MARK, file_error, journal_name, sealed, sequence_in, whole_file};
 use crate::store::{Damage, StoreError};
 
 /// A map's files as they are after opening.
@@ -39,6 +39,10 @@ pub(super) struct Found {
     pub(super) damage: Vec<Damage>,
     /// The damage that lost acknowledged events: the map accepts no changes.
     pub(super) lost: Option<Damage>,
+    /// Snapshots that do not open, and why; they come first in `damage`.
+    pub(super) unopened: Vec<(PathBuf, String)>,
+    /// What a crash left of files that were being written.
+    pub(super) unfinished: Vec<PathBuf>,
 }
 
 /// One journal file.
@@ -55,38 +59,53 @@ struct Segment {
     durable: u64,
 }
 
-/// Reads a map's folder, and determines what to do about the traces of a crash.
+/// Reads a map's folder as [`look`] does, renames snapshots that do not open, so that they are not used
+/// again, and removes what a crash left of files.
 ///
 /// # Errors
 /// [`StoreError::File`] if the disk fails, [`StoreError::Later`] for files of a later version; then
 /// nothing was changed.
 pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, StoreError> {
+    let mut found = look(disk, folder, uid)?;
+    for ((path, reason), damage) in found.unopened.iter().zip(&mut found.damage) {
+        tracing::error!(file = %path.display(), reason, "a snapshot does not open and is set aside");
+        let aside = path.with_extension("bad");
+        disk.rename(path, &aside).map_err(|e| file_error("cannot rename", path, &e))?;
+        damage.file = aside.display().to_string();
+    }
+    for path in &found.unfinished {
+        // It is no part of the map: the next start tries again, and so does the next write of the
+        // file.
+        if let Err(error) = disk.remove(path) {
+            tracing::warn!(file = %path.display(), %error, "what a crash left cannot be removed");
+        }
+    }
+    Ok(found)
+}
+
+/// Reads a map's folder, and determines what to do about the traces of a crash. Changes nothing.
+///
+/// # Errors
+/// [`StoreError::File`] if the disk fails, [`StoreError::Later`] for files of a later version.
+pub(super) fn look(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, StoreError> {
     let mut found = Found::default();
     let names = disk.list(folder).map_err(|e| file_error("cannot list", folder, &e))?;
     let mut segments = Vec::new();
     for first in names.iter().filter_map(|name| sequence_in(name, ".log")) {
         segments.push(read_segment(disk, &folder.join(journal_name(first)), uid, first)?);
     }
-    let mut bad = Vec::new();
     for (sequence, name) in names.iter().filter_map(|n| Some((sequence_in(n, ".snap")?, n))) {
         let path = folder.join(name);
         match look_at_snapshot(disk, &path, uid, sequence)? {
             None => found.snapshots.push(sequence),
-            Some(reason) => bad.push((path, reason)),
+            Some(reason) => {
+                found.damage.push(whole_file(&path));
+                found.unopened.push((path, reason));
+            }
         }
     }
-    // From here on no file is of a later version.
-    for (path, reason) in bad {
-        set_aside(disk, &path, &reason, &mut found)?;
-    }
-    for name in names.iter().filter(|name| name.ends_with(".tmp")) {
-        let path = folder.join(name);
-        // It is no part of the map: the next start tries again, and so does the next write of the
-        // file.
-        if let Err(error) = disk.remove(&path) {
-            tracing::warn!(file = %path.display(), %error, "what a crash left cannot be removed");
-        }
-    }
+    let unfinished = names.iter().filter(|name| name.ends_with(".tmp"));
+    found.unfinished = unfinished.map(|name| folder.join(name)).collect();
     let base = found.snapshots.last().copied().unwrap_or(0);
     found.last = base;
     for &(first, last) in segments.iter().flat_map(|segment| &segment.runs) {
@@ -128,23 +147,8 @@ fn look_at_snapshot(
     match sealed::check_snapshot(&mut file) {
         Ok(label) if label == Label { uid: *uid, sequence } => Ok(None),
         Ok(_) => Ok(Some("it belongs elsewhere".to_owned())),
-        Err(SealError::Later(reason)) => Err(later(path, reason)),
         Err(error) => error.damage(path).map(Some),
     }
-}
-
-/// Renames a snapshot that does not open, so that it is not used again.
-pub(super) fn set_aside(
-    disk: &dyn Disk,
-    path: &Path,
-    reason: &str,
-    found: &mut Found,
-) -> Result<(), StoreError> {
-    tracing::error!(file = %path.display(), reason, "a snapshot does not open and is set aside");
-    let aside = path.with_extension("bad");
-    disk.rename(path, &aside).map_err(|e| file_error("cannot rename", path, &e))?;
-    found.damage.push(Damage { file: aside.display().to_string(), offset: 0, lost: None });
-    Ok(())
 }
 
 fn read_segment(

@@ -73,7 +73,7 @@ use self::failure::{file_error, of_map};
 use self::journal::Journal;
 use self::lock::DirectoryLock;
 use self::record::Uid;
-use super::{Epoch, JobFiles, StoreError, StoreMeters};
+use super::{Damage, Epoch, JobFiles, StoreError, StoreMeters};
 use crate::sync::Mutex;
 
 /// Sizes of files.
@@ -202,7 +202,8 @@ impl FileStore {
                 let _exclusive = exclusive;
                 let Journal { disk, folder, uid, .. } = &*loading;
                 let found = load::load(&**disk, folder, uid)?;
-                if let Some(delay) = loading.loaded(found) {
+                loading.loaded(found);
+                if let Some(delay) = loading.flush() {
                     let _entered = runtime.enter();
                     Journal::start_flush(loading, Some(delay));
                 }
@@ -284,6 +285,11 @@ async fn blocking<T: Send + 'static>(
             passes: false,
         })
     })
+}
+
+/// The damage of a file of which nothing can be used.
+fn whole_file(path: &Path) -> Damage {
+    Damage { file: path.display().to_string(), offset: 0, lost: None }
 }
 
 /// The name of the journal file that begins with `first`; names sort as their sequences.

@@ -15,11 +15,11 @@ use async_trait::async_trait;
 
 use super::journal::Journal;
 use super::record::{HEAD, HEADER, Header, is_record, read_head, read_header, scan};
-use super::{blocking, file_error, journal_name, sealed, snapshot_name};
+use super::{blocking, file_error, journal_name, sealed, snapshot_name, whole_file};
 use crate::map::{Event, Map};
 use crate::store::encoding::decode_event;
 use crate::store::reader::PIECE_EVENTS;
-use crate::store::{Damage, EventReader, Piece, StoreError, sequence_of};
+use crate::store::{EventReader, Piece, StoreError, sequence_of};
 
 /// Snapshots that are kept: if the newest does not open, the previous one and the journal after it
 /// still give the whole map.
@@ -77,10 +77,9 @@ pub(super) fn newest_snapshot(journal: &Journal) -> Result<Option<Arc<Map>>, Sto
             Err(error) => error.damage(&path)?,
         };
         tracing::error!(file = %path.display(), reason, "a snapshot does not open");
-        let file = path.display().to_string();
         let mut state = journal.state();
         state.snapshots.pop();
-        state.damage.push(Damage { file, offset: 0, lost: None });
+        state.damage.push(whole_file(&path));
     }
 }
 
@@ -109,12 +108,6 @@ fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
     let sequence = sequence_of(map.revision());
     let path = journal.folder.join(snapshot_name(sequence));
     let bytes = sealed::write_snapshot(&*journal.disk, &path, &journal.uid, map)?;
-    let mut file = journal.disk.stream(&path).map_err(|e| file_error("cannot read", &path, &e))?;
-    if let Err(error) = sealed::compare_snapshot(&mut file, map) {
-        let message = error.damage(&path)?;
-        journal.disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;
-        return Err(StoreError::Content { path: path.display().to_string(), message });
-    }
     let mut snapshots = journal.state().snapshots.clone();
     snapshots.push(sequence);
     let old = snapshots.len().saturating_sub(KEPT_SNAPSHOTS);

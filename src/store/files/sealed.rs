@@ -12,7 +12,6 @@
 //! compressed with zstd; the identity of a map is not. A reader gets the decoded body only after
 //! the checksum was verified.
 
-use std::fmt;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -21,7 +20,7 @@ use super::disk::{Disk, DiskFile};
 use super::file_error;
 use super::record::{Uid, VERSION};
 use crate::map::Map;
-use crate::store::encoding::{EncodingError, compare_map, decode_map, encode_map};
+use crate::store::encoding::{EncodingError, compare_map, decode_map, encode_identity, encode_map};
 use crate::store::{StoreError, sequence_of};
 
 /// Bytes before the body.
@@ -73,13 +72,16 @@ pub(super) struct Label {
 }
 
 /// Why a file does not open.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub(super) enum SealError {
     /// The disk failed, which says nothing about the file.
+    #[error("{0}")]
     Disk(io::Error),
     /// A later version wrote the file; which version, or which part is unknown here.
+    #[error("{0}")]
     Later(String),
     /// What is wrong with the file.
+    #[error("{0}")]
     Damaged(String),
 }
 
@@ -94,15 +96,6 @@ impl From<io::Error> for SealError {
     /// Of the stream inside: a failure of the disk is kept by [`Sealed`].
     fn from(error: io::Error) -> Self {
         Self::Damaged(error.to_string())
-    }
-}
-
-impl fmt::Display for SealError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Disk(error) => error.fmt(f),
-            Self::Later(reason) | Self::Damaged(reason) => f.write_str(reason),
-        }
     }
 }
 
@@ -132,16 +125,16 @@ pub(super) fn write_identity(
     disk: &dyn Disk,
     path: &Path,
     uid: &Uid,
-    body: &[u8],
+    name: &str,
 ) -> Result<(), StoreError> {
-    let label = Label { uid: *uid, sequence: 0 };
-    write(disk, path, (Kind::Identity, &label), |out| out.write_all(body)).map(|_bytes| ())
+    let (label, body) = (Label { uid: *uid, sequence: 0 }, encode_identity(name));
+    write(disk, path, (Kind::Identity, &label), |out| out.write_all(&body)).map(|_bytes| ())
 }
 
-/// Writes a snapshot; returns its size in bytes.
+/// Writes a snapshot and reads it back, both part by part; returns its size in bytes.
 ///
 /// # Errors
-/// [`StoreError::File`].
+/// [`StoreError::File`]; [`StoreError::Content`] if it cannot be read back; it is then removed.
 pub(super) fn write_snapshot(
     disk: &dyn Disk,
     path: &Path,
@@ -149,34 +142,14 @@ pub(super) fn write_snapshot(
     map: &Map,
 ) -> Result<u64, StoreError> {
     let label = Label { uid: *uid, sequence: sequence_of(map.revision()) };
-    write(disk, path, (Kind::Snapshot, &label), |out| put_map(map, out))
-}
-
-/// Writes a file of a job; returns its size in bytes.
-///
-/// # Errors
-/// [`StoreError::File`].
-pub(super) fn write_of_job(
-    disk: &dyn Disk,
-    path: &Path,
-    kind: Kind,
-    uid: &Uid,
-    body: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> Result<u64, StoreError> {
-    let label = Label { uid: *uid, sequence: 0 };
-    write(disk, path, (kind, &label), body)
-}
-
-/// Reads a file of a job.
-///
-/// # Errors
-/// [`SealError`].
-pub(super) fn read_of_job<T>(
-    kind: Kind,
-    input: &mut dyn Read,
-    read: impl FnOnce(&mut dyn BufRead) -> io::Result<T>,
-) -> Result<(Label, T), SealError> {
-    unseal(kind, input, |_label, body| Ok(read(body)?))
+    let bytes = write(disk, path, (Kind::Snapshot, &label), |out| put_map(map, out))?;
+    let mut file = disk.stream(path).map_err(|e| file_error("cannot read", path, &e))?;
+    if let Err(error) = compare_snapshot(&mut file, map) {
+        let message = error.damage(path)?;
+        disk.remove(path).map_err(|e| file_error("cannot remove", path, &e))?;
+        return Err(StoreError::Content { path: path.display().to_string(), message });
+    }
+    Ok(bytes)
 }
 
 fn put_map(map: &Map, out: &mut dyn Write) -> io::Result<()> {
@@ -187,7 +160,10 @@ fn put_map(map: &Map, out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// Writes a file so that it is complete and durable, or does not exist; returns its size in bytes.
-fn write(
+///
+/// # Errors
+/// [`StoreError::File`].
+pub(super) fn write(
     disk: &dyn Disk,
     path: &Path,
     what: (Kind, &Label),

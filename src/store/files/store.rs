@@ -27,12 +27,8 @@ impl Store for FileStore {
         Ok(maps.iter().filter(|(_, entry)| is_map(entry)).map(|(name, _)| name.clone()).collect())
     }
 
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
-        self.create(map, None, None).await
-    }
-
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
-        self.create(map, None, Some(snapshot)).await
+    async fn create_map(&self, map: &str, snapshot: Option<Arc<Map>>) -> Result<Epoch, StoreError> {
+        self.create(map, None, snapshot).await
     }
 
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {

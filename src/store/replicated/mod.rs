@@ -57,7 +57,7 @@ pub use self::tasks::{Taken, WorkerLink};
 use super::encoding::encode_event;
 use super::{
     Damage, Durability, Epoch, EventReader, FileStore, Flushed, Position, Store, StoreError,
-    TaskQueue, sequence_of,
+    TaskQueue, sequence_of, wait_durable,
 };
 use crate::map::{Event, Map};
 use crate::sync::Mutex;
@@ -130,29 +130,6 @@ impl ReplicatedStore {
         }
         Err(StoreError::OwnedElsewhere { map: map.to_owned(), owner: None })
     }
-
-    /// The entry of a new map, with this server as its owner.
-    fn new_entry(&self, map: &str, snapshots: Vec<u64>) -> Entry {
-        let (name, owner) = (map.to_owned(), Some(self.members.me().clone()));
-        Entry { name, uid: new_uid(), owner, snapshots, stream_was_lost: false }
-    }
-
-    /// Makes an entry for a new map and opens it. `content` is a snapshot that it begins with.
-    async fn create(&self, map: &str, content: Option<Arc<Map>>) -> Result<Epoch, StoreError> {
-        self.check_lease(map)?;
-        let begins: Vec<u64> = content.iter().map(|map| sequence_of(map.revision())).collect();
-        let entry = self.new_entry(map, begins);
-        if let Some(content) = content {
-            let revision = sequence_of(content.revision());
-            self.snapshots.put(map, &entry.uid, revision, content).await?;
-        }
-        // From here on the map exists. Without an event or a snapshot it is removed by whoever opens it.
-        if self.catalog.create(entry).await?.is_none() {
-            // Another server made it a moment ago: whoever asks again is led there.
-            return Err(StoreError::OwnedElsewhere { map: map.to_owned(), owner: None });
-        }
-        self.take_over(map, true).await
-    }
 }
 
 #[async_trait]
@@ -166,12 +143,22 @@ impl Store for ReplicatedStore {
         Ok(Vec::new())
     }
 
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
-        self.create(map, None).await
-    }
-
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
-        self.create(map, Some(snapshot)).await
+    async fn create_map(&self, map: &str, snapshot: Option<Arc<Map>>) -> Result<Epoch, StoreError> {
+        self.check_lease(map)?;
+        let begins: Vec<u64> = snapshot.iter().map(|map| sequence_of(map.revision())).collect();
+        let (name, owner) = (map.to_owned(), Some(self.members.me().clone()));
+        let entry =
+            Entry { name, uid: new_uid(), owner, snapshots: begins, stream_was_lost: false };
+        if let Some(content) = snapshot {
+            let revision = sequence_of(content.revision());
+            self.snapshots.put(map, &entry.uid, revision, content).await?;
+        }
+        // From here on the map exists. Without an event or a snapshot it is removed by whoever opens it.
+        if self.catalog.create(entry).await?.is_none() {
+            // Another server made it a moment ago: whoever asks again is led there.
+            return Err(StoreError::OwnedElsewhere { map: map.to_owned(), owner: None });
+        }
+        self.take_over(map, true).await
     }
 
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
@@ -274,7 +261,7 @@ impl Store for ReplicatedStore {
         let revision = sequence_of(snapshot.revision());
         self.local.put_snapshot(map, epoch, Arc::clone(&snapshot)).await?;
         // A snapshot must not hold events that the stream may refuse.
-        owned.wait_durable(revision).await?;
+        wait_durable(owned.flushed(), revision).await?;
         let mut known = owned.known().await;
         if known.entry.snapshots.last().is_some_and(|&newest| newest >= revision) {
             return Ok(());

@@ -12,7 +12,7 @@ use tokio::task::AbortHandle;
 
 use super::catalog::{Catalog, Entry, Known};
 use super::map_stream::MapStream;
-use super::publisher::{Progress, Publisher};
+use super::publisher::Publisher;
 use crate::store::{Flushed, StoreError};
 
 /// How long a map that is given away waits for the stream.
@@ -62,19 +62,6 @@ impl Owned {
         self.flushed.borrow().trouble().cloned().map_or(Ok(()), Err)
     }
 
-    /// Waits until a revision is durable.
-    ///
-    /// # Errors
-    /// Why it does not become durable, or not soon.
-    pub(super) async fn wait_durable(&self, revision: u64) -> Result<(), StoreError> {
-        let mut flushed = self.flushed();
-        let reached = flushed.wait_for(|f| f.through >= revision || f.trouble().is_some()).await;
-        match reached.ok().and_then(|flushed| flushed.trouble().cloned()) {
-            Some(error) => Err(error),
-            None => Ok(()),
-        }
-    }
-
     /// Publishes nothing more.
     pub(super) fn stop(&self) {
         self.publisher.stop();
@@ -108,7 +95,8 @@ impl Drop for Owned {
 struct Joined {
     map: String,
     local: watch::Receiver<Flushed>,
-    progress: watch::Receiver<Progress>,
+    /// How far the stream has acknowledged.
+    progress: watch::Receiver<Flushed>,
     holds_lease: watch::Receiver<bool>,
     sender: watch::Sender<Flushed>,
 }

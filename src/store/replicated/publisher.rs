@@ -13,7 +13,7 @@ use tokio::task::AbortHandle;
 
 use super::map_stream::{MapStream, PutError};
 use super::message::{LENGTH, Outgoing, pack};
-use crate::store::StoreError;
+use crate::store::{Flushed, StoreError};
 use crate::sync::Mutex;
 
 /// Bytes of a round.
@@ -24,17 +24,6 @@ pub(super) const MOST_PENDING: usize = 64 << 20;
 const FIRST_RETRY: Duration = Duration::from_millis(50);
 /// The longest time between two tries.
 const LONGEST_RETRY: Duration = Duration::from_secs(1);
-
-/// How far the stream has acknowledged.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Progress {
-    /// The last revision that is in the stream.
-    pub(super) through: u64,
-    /// Why nothing more will be.
-    pub(super) failed: Option<StoreError>,
-    /// Why nothing more is for now.
-    pub(super) unavailable: Option<StoreError>,
-}
 
 #[derive(Debug, Default)]
 struct Queue {
@@ -56,7 +45,8 @@ pub(super) struct Publisher {
 struct Shared {
     queue: Mutex<Queue>,
     arrived: Notify,
-    progress: watch::Sender<Progress>,
+    /// How far the stream has acknowledged.
+    progress: watch::Sender<Flushed>,
 }
 
 /// Where a publisher begins.
@@ -76,7 +66,7 @@ impl Publisher {
     pub(super) fn start(map: String, stream: MapStream, begin: Begin) -> Self {
         let Begin { epoch, through, index, most } = begin;
         let queue = Mutex::new(Queue { index: index.into(), ..Queue::default() });
-        let progress = watch::Sender::new(Progress { through, ..Progress::default() });
+        let progress = watch::Sender::new(Flushed { through, ..Flushed::default() });
         let shared = Arc::new(Shared { queue, arrived: Notify::new(), progress });
         let publishing = Publishing { map, stream, epoch, last: epoch, most };
         let task = tokio::spawn(publishing.run(Arc::clone(&shared))).abort_handle();
@@ -98,36 +88,22 @@ impl Publisher {
 
     /// Waits while too much is pending and the stream takes messages.
     pub(super) async fn wait_for_room(&self) {
-        let mut progress = self.progress();
-        loop {
-            let is_stuck = {
-                let progress = progress.borrow_and_update();
-                progress.failed.is_some() || progress.unavailable.is_some()
-            };
-            if is_stuck || self.shared.queue.lock().bytes <= MOST_PENDING {
-                return;
-            }
-            if progress.changed().await.is_err() {
-                return;
-            }
-        }
+        self.wait_for_at_most(MOST_PENDING, |progress| progress.trouble().is_some()).await;
     }
 
     /// Resolves when nothing waits, or nothing more is published.
     pub(super) async fn idle(&self) {
-        let mut progress = self.progress();
-        loop {
-            let has_failed = progress.borrow_and_update().failed.is_some();
-            if has_failed
-                || self.shared.queue.lock().bytes == 0
-                || progress.changed().await.is_err()
-            {
-                return;
-            }
-        }
+        self.wait_for_at_most(0, |progress| progress.failed.is_some()).await;
     }
 
-    pub(super) fn progress(&self) -> watch::Receiver<Progress> {
+    /// Waits until no more than so many bytes wait, or it `ends` before.
+    async fn wait_for_at_most(&self, bytes: usize, ends: impl Fn(&Flushed) -> bool) {
+        let queue = &self.shared.queue;
+        let mut progress = self.progress();
+        let _told = progress.wait_for(|told| ends(told) || queue.lock().bytes <= bytes).await;
+    }
+
+    pub(super) fn progress(&self) -> watch::Receiver<Flushed> {
         self.shared.progress.subscribe()
     }
 

@@ -22,7 +22,7 @@ use super::publisher::{Begin, Publisher};
 use crate::map::Map;
 use crate::store::encoding::encode_event;
 use crate::store::files::uid_of;
-use crate::store::{Epoch, Store, StoreError, sequence_of};
+use crate::store::{Epoch, Store, StoreError, sequence_of, wait_durable};
 
 /// Events that are appended to the own journal at once.
 const BATCH: usize = 256;
@@ -76,7 +76,7 @@ impl ReplicatedStore {
         let known = self.confirm(&known).await?.ok_or_else(elsewhere)?;
         let lease = self.members.holds_lease();
         let owned = Owned::start(map, stream, publisher, known, local, lease);
-        owned.wait_durable(waits_for.unwrap_or(through)).await?;
+        wait_durable(owned.flushed(), waits_for.unwrap_or(through)).await?;
         self.maps.lock().insert(map.to_owned(), owned);
         tracing::info!(map, epoch, through, "this server serves the map");
         Ok(own_epoch)

@@ -168,7 +168,7 @@ async fn a_creation_that_fails_leaves_the_name_free() {
 async fn a_leftover_of_the_store_does_not_hold_the_name() {
     let store = HeldStore::new();
     let maps = store.maps().await;
-    store.memory.create_map("house").await.unwrap();
+    store.memory.create_map("house", None).await.unwrap();
     store.release(3);
     maps.create("house", "", policy()).await.unwrap();
     assert_eq!(maps.get("house").unwrap().info().await.unwrap().snapshot.revision(), 1);

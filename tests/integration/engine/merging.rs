@@ -318,7 +318,7 @@ async fn an_undo_waits_for_a_full_disk_and_a_crash_meanwhile_leaves_two_open_map
             Some(map) => map,
             None => floor.snapshot().await.unwrap(),
         };
-        after.memory.create_map_of(name, snapshot).await.unwrap();
+        after.memory.create_map(name, Some(snapshot)).await.unwrap();
     }
     let restarted = after.maps().await;
     for name in ["floor", "run"] {
@@ -338,7 +338,7 @@ async fn a_map_with_content_that_has_no_engine_is_not_deleted_by_a_creation() {
     let store = HeldStore::new();
     let maps = two_maps(&store).await;
     let content = maps.get("run").unwrap().snapshot().await.unwrap();
-    store.memory.create_map_of("lost", content).await.unwrap();
+    store.memory.create_map("lost", Some(content)).await.unwrap();
     store.release(1);
     let refused = maps.create("lost", "", MapPolicy::default()).await;
     assert!(matches!(refused, Err(EngineError::MapExists { .. })), "{refused:?}");

@@ -69,14 +69,9 @@ impl<S: Stage> Store for StagedStore<S> {
         self.memory.list_maps().await
     }
 
-    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
+    async fn create_map(&self, map: &str, snapshot: Option<Arc<Map>>) -> Result<Epoch, StoreError> {
         self.stage.changing().await?;
-        self.memory.create_map(map).await
-    }
-
-    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
-        self.stage.changing().await?;
-        self.memory.create_map_of(map, snapshot).await
+        self.memory.create_map(map, snapshot).await
     }
 
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {

@@ -33,13 +33,16 @@ async fn a_creation_that_nobody_waits_for_leaves_the_name_free_and_one_folder() 
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
     for _ in 0..3 {
-        if store.create_map("a").now_or_never().is_some() {
+        if store.create_map("a", None).now_or_never().is_some() {
             // Its thread ended before it could be canceled.
             return;
         }
     }
-    let epoch = store.create_map("a").await.unwrap();
-    assert_eq!(store.create_map("a").await, Err(StoreError::MapExists { map: "a".to_owned() }));
+    let epoch = store.create_map("a", None).await.unwrap();
+    assert_eq!(
+        store.create_map("a", None).await,
+        Err(StoreError::MapExists { map: "a".to_owned() })
+    );
     assert_eq!(folders(&disk), 1);
     store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
     store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
@@ -52,12 +55,12 @@ async fn a_creation_that_nobody_waits_for_leaves_the_name_free_and_one_folder() 
 async fn a_deletion_that_nobody_waits_for_is_done() {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
-    store.create_map("a").await.unwrap();
+    store.create_map("a", None).await.unwrap();
     append(&store, "a", 1).await.unwrap();
     let _cut_off = store.delete_map("a").now_or_never();
     let unknown = StoreError::UnknownMap { map: "a".to_owned() };
     assert_eq!(store.delete_map("a").await, Err(unknown));
-    store.create_map("a").await.unwrap();
+    store.create_map("a", None).await.unwrap();
     append(&store, "a", 1).await.unwrap();
     assert_eq!(open(&disk.after(Survives::Nothing)).unwrap().list_maps().await.unwrap(), ["a"]);
 }
@@ -65,11 +68,11 @@ async fn a_deletion_that_nobody_waits_for_is_done() {
 #[tokio::test]
 async fn a_map_without_an_event_is_no_map_after_a_restart() {
     let disk = FaultyDisk::new();
-    open(&disk).unwrap().create_map("a").await.unwrap();
+    open(&disk).unwrap().create_map("a", None).await.unwrap();
     let disk = disk.after(Survives::Everything);
     let store = open(&disk).unwrap();
     assert_eq!(store.list_maps().await.unwrap(), Vec::<String>::new());
-    store.create_map("a").await.unwrap();
+    store.create_map("a", None).await.unwrap();
     assert_eq!(folders(&disk), 1);
 }
 
@@ -80,13 +83,13 @@ async fn a_creation_that_fails_at_any_operation_can_be_repeated() {
         let store = open(&disk).unwrap();
         let before = disk.log().len();
         disk.stage(before + number, Fault::NoSpace);
-        let Err(error) = store.create_map("a").await else {
+        let Err(error) = store.create_map("a", None).await else {
             assert!(number > 5, "{number} operations make a map");
             return;
         };
         assert!(matches!(error, StoreError::Unavailable { .. }), "{error}");
         assert!(!error.to_string().contains('/'), "{error}");
-        store.create_map("a").await.unwrap();
+        store.create_map("a", None).await.unwrap();
         append(&store, "a", 1).await.unwrap();
         assert_eq!(folders(&disk), 1);
     }
@@ -97,7 +100,7 @@ async fn a_deletion_that_fails_either_changes_nothing_or_ends_acknowledging() {
     for number in 0..3 {
         let disk = FaultyDisk::new();
         let store = open(&disk).unwrap();
-        store.create_map("a").await.unwrap();
+        store.create_map("a", None).await.unwrap();
         append(&store, "a", 1).await.unwrap();
         while !disk.files().iter().any(|(path, _)| path.ends_with("/durable")) {
             tokio::task::yield_now().await;
@@ -121,7 +124,7 @@ async fn a_deletion_that_fails_either_changes_nothing_or_ends_acknowledging() {
             assert!(matches!(told.failed, Some(StoreError::Stopped { .. })), "{told:?}");
         }
         store.delete_map("a").await.unwrap();
-        store.create_map("a").await.unwrap();
+        store.create_map("a", None).await.unwrap();
         append(&store, "a", 1).await.unwrap();
         let later = open(&disk.after(Survives::Nothing)).unwrap();
         assert_eq!(stored(&later, "a").await.unwrap(), fold(1, 1));
@@ -186,7 +189,7 @@ async fn two_folders_of_one_name_are_told_and_neither_is_served() {
     assert_eq!(store.acquire("walk").await, Err(refused.clone()));
     assert_eq!(store.delete_map("walk").await, Err(refused));
     let exists = StoreError::MapExists { map: "walk".to_owned() };
-    assert_eq!(store.create_map("walk").await, Err(exists));
+    assert_eq!(store.create_map("walk", None).await, Err(exists));
     assert_eq!(disk.files(), before, "both stay as they are");
 }
 
@@ -197,7 +200,7 @@ async fn a_map_with_content_is_there_whole_or_not_at_all_after_a_crash() {
         let disk = FaultyDisk::new();
         let store = open(&disk).unwrap();
         disk.stage(disk.log().len() + number, Fault::Crash);
-        let created = store.create_map_of("a", Arc::new(fold(7, 1))).await;
+        let created = store.create_map("a", Some(Arc::new(fold(7, 1)))).await;
         for survives in [Survives::Nothing, Survives::Everything, Survives::Some(3)] {
             let disk = disk.after(survives);
             let later = open(&disk).unwrap();
@@ -206,7 +209,7 @@ async fn a_map_with_content_is_there_whole_or_not_at_all_after_a_crash() {
                 assert_eq!(maps, ["a"], "a crash at {number}, {survives:?} survives");
             }
             if maps.is_empty() {
-                later.create_map_of("a", Arc::new(fold(7, 1))).await.unwrap();
+                later.create_map("a", Some(Arc::new(fold(7, 1)))).await.unwrap();
             }
             assert_eq!(stored(&later, "a").await.unwrap(), fold(7, 1), "a crash at {number}");
             assert_eq!(later.damage("a").await.unwrap(), []);
@@ -230,15 +233,15 @@ async fn a_creation_with_content_that_fails_at_any_operation_can_be_repeated() {
         let store = open(&disk).unwrap();
         disk.stage(disk.log().len() + number, Fault::NoSpace);
         let content = || Arc::new(fold(7, 1));
-        if store.create_map_of("a", content()).await.is_ok() {
+        if store.create_map("a", Some(content())).await.is_ok() {
             assert!(number > 8, "{number} operations make a map");
             let exists = StoreError::MapExists { map: "a".to_owned() };
-            assert_eq!(store.create_map_of("a", content()).await, Err(exists.clone()));
-            assert_eq!(store.create_map("a").await, Err(exists));
+            assert_eq!(store.create_map("a", Some(content())).await, Err(exists.clone()));
+            assert_eq!(store.create_map("a", None).await, Err(exists));
             return;
         }
         assert_eq!(store.list_maps().await.unwrap(), Vec::<String>::new());
-        store.create_map_of("a", content()).await.unwrap();
+        store.create_map("a", Some(content())).await.unwrap();
         append(&store, "a", 8).await.unwrap();
         assert_eq!(stored(&store, "a").await.unwrap(), fold(8, 1));
         assert_eq!(folders(&disk), 1, "after a failure at {number}");

@@ -12,7 +12,7 @@ use crate::store::{Store, StoreError};
 /// Leaves map "a" at revision 20, with snapshots at 8 and 16 and the journal from 9 on.
 async fn left(folder: &Path) {
     let store = FileStore::open(folder, SMALL).await.unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     for last in 1..=20_u64 {
         store.append("a", epoch, last - 1, vec![event(last as i64, 1)]).await.unwrap();
         store.follow("a").await.unwrap().wait_for(|f| f.through == last).await.unwrap();
@@ -118,5 +118,5 @@ async fn a_map_of_which_nothing_is_left_is_moved_away() {
     assert_eq!(check_up(folder.path(), false).unwrap(), []);
     let store = FileStore::open(folder.path(), SMALL).await.unwrap();
     assert_eq!(store.list_maps().await.unwrap(), Vec::<String>::new());
-    store.create_map("a").await.unwrap();
+    store.create_map("a", None).await.unwrap();
 }

@@ -26,8 +26,8 @@ async fn a_fault_at_any_operation_takes_back_nothing() {
 async fn after_a_failed_fsync_nothing_is_acknowledged_any_more() {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
-    let epoch = store.create_map("a").await.unwrap();
-    let other = store.create_map("b").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
+    let other = store.create_map("b", None).await.unwrap();
     store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
     let mut flushed = store.follow("a").await.unwrap();
     flushed.wait_for(|f| f.through == 1).await.unwrap();

@@ -22,7 +22,7 @@ fn copy(from: &Path, to: &Path) {
 async fn what_is_not_ours_is_left_alone_and_stops_nothing() {
     let root = tempfile::tempdir().unwrap();
     let store = FileStore::open(root.path(), SMALL).await.unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
     store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
     store.close().await;
@@ -76,7 +76,7 @@ async fn what_moves_from_map_to_map_while_a_backup_runs_is_in_it() {
     };
     for name in ["a", "b"] {
         let before = if folders.is_empty() { Vec::new() } else { list() };
-        let epoch = store.create_map(name).await.unwrap();
+        let epoch = store.create_map(name, None).await.unwrap();
         store.append(name, epoch, 0, vec![event(1, 1)]).await.unwrap();
         store.follow(name).await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
         folders.push(list().into_iter().find(|folder| !before.contains(folder)).unwrap());
@@ -118,7 +118,7 @@ async fn what_moves_from_map_to_map_while_a_backup_runs_is_in_it() {
 async fn with_snapshot() -> FaultyDisk {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     store.append("a", epoch, 0, vec![event(1, 1), event(2, 1)]).await.unwrap();
     store.put_snapshot("a", epoch, fold(2, 1).into()).await.unwrap();
     store.close().await;
@@ -164,7 +164,7 @@ async fn a_name_that_a_later_version_wrote_stays_taken() {
         let store = open(&disk).unwrap();
         assert_eq!(store.list_maps().await.unwrap(), ["a"]);
         let exists = StoreError::MapExists { map: "a".to_owned() };
-        assert_eq!(store.create_map("a").await, Err(exists));
+        assert_eq!(store.create_map("a", None).await, Err(exists));
         for refused in [store.acquire("a").await.map(|_| ()), store.delete_map("a").await] {
             assert!(matches!(refused, Err(StoreError::Later { .. })), "{refused:?}");
         }

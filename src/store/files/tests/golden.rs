@@ -33,7 +33,7 @@ fn copy(from: &Path, to: &Path) {
 /// Writes two maps: one with a snapshot, one with every kind of change.
 async fn write(folder: &Path) {
     let store = FileStore::open(folder, FileStoreOptions::default()).await.unwrap();
-    let epoch = store.create_map("walk").await.unwrap();
+    let epoch = store.create_map("walk", None).await.unwrap();
     for revision in 1..=LAST {
         let expected = u64::try_from(revision - 1).unwrap();
         store.append("walk", epoch, expected, vec![event(revision, 1)]).await.unwrap();
@@ -43,7 +43,7 @@ async fn write(folder: &Path) {
     }
     let last = u64::try_from(LAST).unwrap();
     store.follow("walk").await.unwrap().wait_for(|f| f.through == last).await.unwrap();
-    let epoch = store.create_map("all").await.unwrap();
+    let epoch = store.create_map("all", None).await.unwrap();
     let all: Vec<_> = every_change().into_iter().map(Arc::new).collect();
     let last = all.len() as u64;
     store.append("all", epoch, 0, all).await.unwrap();

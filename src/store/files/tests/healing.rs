@@ -14,7 +14,7 @@ async fn a_journal_goes_on_once_there_is_room_again() {
     for lack in [Lack::Space, Lack::Descriptors] {
         let disk = FaultyDisk::new();
         let store = open(&disk).unwrap();
-        let epoch = store.create_map("a").await.unwrap();
+        let epoch = store.create_map("a", None).await.unwrap();
         let mut flushed = store.follow("a").await.unwrap();
         let (mut last, mut waited) = (0, 0);
         // Files of a few events each: some of the writes begin a new one.
@@ -33,7 +33,7 @@ async fn a_journal_goes_on_once_there_is_room_again() {
                 let map = Arc::new(fold(last as i64, 1));
                 let refused = store.put_snapshot("a", epoch, map).await;
                 assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{refused:?}");
-                let refused = store.create_map("b").await;
+                let refused = store.create_map("b", None).await;
                 assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{refused:?}");
                 assert!(flushed.borrow().through < last, "{lack:?}, round {round}");
             }
@@ -45,7 +45,7 @@ async fn a_journal_goes_on_once_there_is_room_again() {
         assert!(store.meters().journal_retries.get() >= waited);
         let map = Arc::new(fold(last as i64, 1));
         store.put_snapshot("a", epoch, map).await.unwrap();
-        store.create_map("b").await.unwrap();
+        store.create_map("b", None).await.unwrap();
         store.delete_map("b").await.unwrap();
         let later = open(&disk.after(Survives::Nothing)).unwrap();
         assert_eq!(stored(&later, "a").await.unwrap(), fold(last as i64, 1), "{lack:?}");
@@ -57,7 +57,7 @@ async fn a_journal_goes_on_once_there_is_room_again() {
 async fn a_read_without_descriptors_fails_that_call_only() {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
     store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
     // A start: nothing is kept in memory yet.
@@ -76,7 +76,7 @@ async fn a_read_without_descriptors_fails_that_call_only() {
 async fn a_folder_that_cannot_be_looked_at_for_want_of_descriptors_is_not_taken_for_nameless() {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
     store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
     let maps = Path::new("/data/maps");

@@ -33,7 +33,7 @@ async fn a_journal_is_read_in_pieces_while_it_grows() {
     let folder = tempfile::tempdir().unwrap();
     let options = FileStoreOptions { segment_bytes: 1 << 20, ..FileStoreOptions::default() };
     let store = FileStore::open(folder.path(), options).await.unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     let append = async |revisions: std::ops::RangeInclusive<i64>| {
         for revision in revisions {
             let before = u64::try_from(revision - 1).unwrap();

@@ -44,7 +44,7 @@ async fn what_a_start_calls_durable_survives_a_loss_of_power() {
 async fn unsynced() -> FaultyDisk {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
     let mut flushed = store.follow("a").await.unwrap();
     flushed.wait_for(|f| f.through == 1).await.unwrap();

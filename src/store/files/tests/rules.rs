@@ -12,7 +12,7 @@ use crate::store::{Store, StoreError};
 async fn what_waits_together_shares_one_sync() {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     let before = disk.log().iter().filter(|&&o| o == "sync").count();
     // One thread runs the test: the flush begins once it waits, and finds everything.
     for sequence in 0..40 {
@@ -27,7 +27,7 @@ async fn what_waits_together_shares_one_sync() {
 async fn snapshots_let_the_journal_shrink_and_the_last_two_stay() {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     let (mut last, mut previous, mut was_due) = (0, 0, false);
     for round in 1..=6_u64 {
         for _ in 0..8 {
@@ -77,11 +77,11 @@ async fn a_directory_has_one_server_and_no_name_becomes_a_path() {
     assert!(matches!(&second, StoreError::InUse { holder: told, .. } if *told == holder));
     let names = ["../../etc/passwd", "/abs", "a/b", "nul\0byte", "..", "", "LOCK", "ünïcode"];
     for name in names {
-        let epoch = store.create_map(name).await.unwrap();
+        let epoch = store.create_map(name, None).await.unwrap();
         store.append(name, epoch, 0, vec![event(1, 1)]).await.unwrap();
         store.follow(name).await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
     }
-    let exists = store.create_map("..").await;
+    let exists = store.create_map("..", None).await;
     assert_eq!(exists, Err(StoreError::MapExists { map: "..".to_owned() }));
     store.delete_map("/abs").await.unwrap();
     drop(store);
@@ -100,7 +100,7 @@ async fn a_directory_has_one_server_and_no_name_becomes_a_path() {
 async fn a_map_of_later_version_is_left_alone() {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();
-    let epoch = store.create_map("a").await.unwrap();
+    let epoch = store.create_map("a", None).await.unwrap();
     store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
     store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
     drop(store);

@@ -154,7 +154,7 @@ async fn create<'a>(
     kind: i64,
 ) -> Result<Writer<'a>, StoreError> {
     model.0.insert(map, Known { kind, ..Known::default() });
-    let epoch = store.create_map(map).await?;
+    let epoch = store.create_map(map, None).await?;
     Ok(Writer { store, map, epoch })
 }
 
