@@ -17,7 +17,7 @@ pub(in crate::service) fn constraint_pages(
     request: &v1::ListConstraintsRequest,
     out: &mut Violations,
 ) -> Option<Pages> {
-    let list = PagedList::of_map("ListConstraints", &request.map_id);
+    let list = PagedList::new("ListConstraints", &request.map_id);
     Pages::of(list, request.page_size, &request.page_token, out)
 }
 

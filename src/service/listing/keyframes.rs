@@ -51,7 +51,7 @@ pub(in crate::service) fn keyframe_pages(
     request: &v1::ListKeyframesRequest,
     out: &mut Violations,
 ) -> Option<KeyframePages> {
-    let list = PagedList::of_map("ListKeyframes", &request.map_id);
+    let list = PagedList::new("ListKeyframes", &request.map_id);
     let pages = Pages::of(list, request.page_size, &request.page_token, out);
     let mask = request.read_mask.as_ref();
     let left_out = left_out(mask, &FIELDS, "Keyframe", out);

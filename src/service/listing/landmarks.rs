@@ -36,7 +36,7 @@ pub(in crate::service) fn landmark_pages(
     request: &v1::ListLandmarksRequest,
     out: &mut Violations,
 ) -> Option<LandmarkPages> {
-    let list = PagedList::of_map("ListLandmarks", &request.map_id);
+    let list = PagedList::new("ListLandmarks", &request.map_id);
     let pages = Pages::of(list, request.page_size, &request.page_token, out);
     let left_out = left_out(request.read_mask.as_ref(), &FIELDS, "Landmark", out);
     Some(LandmarkPages { pages: pages?, left_out: left_out? })

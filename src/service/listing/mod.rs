@@ -44,19 +44,9 @@ pub(super) struct PagedList {
 }
 
 impl PagedList {
-    /// The maps of a tenant.
-    pub(super) fn maps(tenant: &str) -> Self {
-        Self { call: "ListMaps", owner: tenant.to_owned() }
-    }
-
-    /// The jobs of a tenant that fit a filter.
-    pub(super) fn jobs(tenant: &str, filter: &str) -> Self {
-        Self { call: "ListJobs", owner: format!("{tenant}/{filter}") }
-    }
-
-    /// A list of entities of a map.
-    fn of_map(call: &'static str, map_id: &str) -> Self {
-        Self { call, owner: map_id.to_owned() }
+    /// The answers of `call`; `owner` tells one list of that call from another.
+    pub(super) fn new(call: &'static str, owner: impl Into<String>) -> Self {
+        Self { call, owner: owner.into() }
     }
 
     /// The token of the page after the entry that `last` names.
@@ -139,7 +129,7 @@ pub(super) fn place_search_pages(
     request: &v1::ListPlaceSearchesRequest,
     out: &mut Violations,
 ) -> Option<Pages> {
-    let list = PagedList::of_map("ListPlaceSearches", &request.map_id);
+    let list = PagedList::new("ListPlaceSearches", &request.map_id);
     Pages::of(list, request.page_size, &request.page_token, out)
 }
 
