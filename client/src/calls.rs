@@ -12,51 +12,6 @@ use crate::wire::v1;
 use v1::import_map_request::Content;
 use v1::optimize_map_response::Event;
 
-/// Keyframe poses of one revision.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Trajectory {
-    /// The revision that was read.
-    pub revision: i64,
-    /// By client, then capture time, then id.
-    pub poses: Vec<v1::KeyframePose>,
-}
-
-/// Landmarks of one revision.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Landmarks {
-    /// The revision that was read.
-    pub revision: i64,
-    /// By client, then id.
-    pub landmarks: Vec<v1::Landmark>,
-}
-
-/// Constraints of one revision.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Constraints {
-    /// The revision that was read.
-    pub revision: i64,
-    /// By client, then id.
-    pub constraints: Vec<v1::Constraint>,
-}
-
-/// Searches for known places of one revision.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PlaceSearches {
-    /// The revision that was read.
-    pub revision: i64,
-    /// By client, then keyframe.
-    pub searches: Vec<v1::PlaceSearch>,
-}
-
-/// Keyframes of one revision.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Keyframes {
-    /// The revision that was read.
-    pub revision: i64,
-    /// By client, then id; each once, with all its observations.
-    pub keyframes: Vec<v1::Keyframe>,
-}
-
 /// Digests of one revision of a map; what goes into them is in `map_service.proto`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MapDigests {
@@ -83,22 +38,20 @@ macro_rules! led {
 }
 pub(super) use led;
 
-/// All that a streamed answer lists, of one revision.
+/// All that a streamed answer lists, of one revision, as one message without a page token.
 macro_rules! all {
-    ($client:ident, $rpc:literal, $call:ident($request:ident), $all:ident { $list:ident }) => {
+    ($client:ident, $rpc:literal, $call:ident($request:ident), $list:ident) => {
         led!(
             $client,
-            async {
-                let answered = $client.map_service().$call($request.clone()).await;
-                let mut stream = answer($rpc, answered)?;
-                let mut all = $all::default();
-                while let Some(part) = next($rpc, &mut stream).await? {
-                    all.revision = part.revision;
-                    all.$list.extend(part.$list);
-                }
-                Ok(all)
+            match answer($rpc, $client.map_service().$call($request.clone()).await) {
+                Ok(stream) =>
+                    joined($rpc, stream, |all, part| {
+                        all.revision = part.revision;
+                        all.$list.extend(part.$list);
+                    })
+                    .await,
+                Err(error) => Err(error),
             }
-            .await
         )
     };
 }
@@ -225,7 +178,8 @@ impl Client {
         led!(self, answer("UndoMerge", self.map_service().undo_merge(request.clone()).await))
     }
 
-    /// The poses of a map's keyframes, of one client or (`None`) of all.
+    /// The poses of a map's keyframes, of one client or (`None`) of all: by client, then capture time,
+    /// then id.
     ///
     /// # Errors
     /// The codes of `GetTrajectory`.
@@ -233,42 +187,50 @@ impl Client {
         &self,
         map_id: &str,
         client_id: Option<&str>,
-    ) -> Result<Trajectory, ClientError> {
+    ) -> Result<v1::GetTrajectoryResponse, ClientError> {
         let client_id = client_id.unwrap_or_default().to_owned();
         let request = v1::GetTrajectoryRequest { map_id: map_id.to_owned(), client_id };
-        all!(self, "GetTrajectory", get_trajectory(request), Trajectory { poses })
+        all!(self, "GetTrajectory", get_trajectory(request), poses)
     }
 
-    /// A map's landmarks, without descriptors.
+    /// A map's landmarks by client, then id, without descriptors.
     ///
     /// # Errors
     /// The codes of `ListLandmarks`.
-    pub async fn landmarks(&self, map_id: &str) -> Result<Landmarks, ClientError> {
+    pub async fn landmarks(&self, map_id: &str) -> Result<v1::ListLandmarksResponse, ClientError> {
         let request = v1::ListLandmarksRequest { map_id: map_id.to_owned(), ..Default::default() };
-        all!(self, "ListLandmarks", list_landmarks(request), Landmarks { landmarks })
+        all!(self, "ListLandmarks", list_landmarks(request), landmarks)
     }
 
-    /// A map's constraints: relative poses, those that are switched off too, and priors.
+    /// A map's constraints by client, then id: relative poses, those that are switched off too, and
+    /// priors.
     ///
     /// # Errors
     /// The codes of `ListConstraints`.
-    pub async fn constraints(&self, map_id: &str) -> Result<Constraints, ClientError> {
+    pub async fn constraints(
+        &self,
+        map_id: &str,
+    ) -> Result<v1::ListConstraintsResponse, ClientError> {
         let request =
             v1::ListConstraintsRequest { map_id: map_id.to_owned(), ..Default::default() };
-        all!(self, "ListConstraints", list_constraints(request), Constraints { constraints })
+        all!(self, "ListConstraints", list_constraints(request), constraints)
     }
 
-    /// What the searches for known places found.
+    /// What the searches for known places found, by client, then keyframe.
     ///
     /// # Errors
     /// The codes of `ListPlaceSearches`.
-    pub async fn place_searches(&self, map_id: &str) -> Result<PlaceSearches, ClientError> {
+    pub async fn place_searches(
+        &self,
+        map_id: &str,
+    ) -> Result<v1::ListPlaceSearchesResponse, ClientError> {
         let request =
             v1::ListPlaceSearchesRequest { map_id: map_id.to_owned(), ..Default::default() };
-        all!(self, "ListPlaceSearches", list_place_searches(request), PlaceSearches { searches })
+        all!(self, "ListPlaceSearches", list_place_searches(request), searches)
     }
 
-    /// A map's keyframes with the fields that the mask names; `None` for all but observations.
+    /// A map's keyframes by client, then id, each once, with the fields that the mask names; `None` for
+    /// all but observations.
     ///
     /// # Errors
     /// The codes of `ListKeyframes`.
@@ -276,11 +238,10 @@ impl Client {
         &self,
         map_id: &str,
         read_mask: Option<prost_types::FieldMask>,
-    ) -> Result<Keyframes, ClientError> {
+    ) -> Result<v1::ListKeyframesResponse, ClientError> {
         let map_id = map_id.to_owned();
         let request = v1::ListKeyframesRequest { map_id, read_mask, ..Default::default() };
-        let mut all: Keyframes =
-            all!(self, "ListKeyframes", list_keyframes(request), Keyframes { keyframes })?;
+        let mut all = all!(self, "ListKeyframes", list_keyframes(request), keyframes)?;
         // A keyframe with more observations than fit one entry has several.
         all.keyframes.dedup_by(|entry, last| {
             let is_same = (&last.client_id, last.id) == (&entry.client_id, entry.id);
@@ -428,6 +389,19 @@ pub(super) fn answer<T>(
     answer: Result<Response<T>, Status>,
 ) -> Result<T, ClientError> {
     answer.map(Response::into_inner).map_err(ClientError::rpc(rpc))
+}
+
+/// The messages of a streamed answer as one, to which `add` adds each.
+async fn joined<T: Default>(
+    rpc: &'static str,
+    mut stream: Streaming<T>,
+    add: impl Fn(&mut T, T),
+) -> Result<T, ClientError> {
+    let mut all = T::default();
+    while let Some(part) = next(rpc, &mut stream).await? {
+        add(&mut all, part);
+    }
+    Ok(all)
 }
 
 /// The next message of a streamed answer.

@@ -56,7 +56,7 @@ use v1::server_service_client::ServerServiceClient;
 use credentials::Bearer;
 use servers::Servers;
 
-pub use calls::{Constraints, Keyframes, Landmarks, MapDigests, PlaceSearches, Trajectory};
+pub use calls::MapDigests;
 pub use credentials::{Credentials, Token};
 pub use error::{ClientError, describe_violation};
 pub use export::MapExport;
@@ -75,8 +75,9 @@ pub use watch::{MapWatch, WatchOptions};
 const MAX_ANSWER_BYTES: usize = 256 * 1024 * 1024;
 /// A client of a service, compressing where the link asks for it; the generated ones share no trait.
 macro_rules! packed {
-    ($client:expr, $service:expr) => {{
-        let service = $service;
+    ($client:expr, $service:ident) => {{
+        let service = $service::new($client.servers.link());
+        let service = service.max_decoding_message_size(MAX_ANSWER_BYTES);
         if $client.compress {
             let encoding = tonic::codec::CompressionEncoding::Gzip;
             service.send_compressed(encoding).accept_compressed(encoding)
@@ -188,23 +189,19 @@ impl Client {
     }
 
     fn ingest_service(&self) -> IngestServiceClient<Link> {
-        packed!(self, IngestServiceClient::new(self.servers.link()))
-            .max_decoding_message_size(MAX_ANSWER_BYTES)
+        packed!(self, IngestServiceClient)
     }
 
     fn job_service(&self) -> JobServiceClient<Link> {
-        packed!(self, JobServiceClient::new(self.servers.link()))
-            .max_decoding_message_size(MAX_ANSWER_BYTES)
+        packed!(self, JobServiceClient)
     }
 
     fn map_service(&self) -> MapServiceClient<Link> {
-        packed!(self, MapServiceClient::new(self.servers.link()))
-            .max_decoding_message_size(MAX_ANSWER_BYTES)
+        packed!(self, MapServiceClient)
     }
 
     fn optimization_service(&self) -> OptimizationServiceClient<Link> {
-        packed!(self, OptimizationServiceClient::new(self.servers.link()))
-            .max_decoding_message_size(MAX_ANSWER_BYTES)
+        packed!(self, OptimizationServiceClient)
     }
 
     fn server_service(&self) -> ServerServiceClient<Link> {

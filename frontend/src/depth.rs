@@ -3,8 +3,8 @@
 //! cameras need another formula. Between the two times only the camera's turn is corrected, not its
 //! shift.
 
-use covis_solvers::geometry::{LieGroup, Se3, So3};
-use nalgebra::{Vector2, Vector3};
+use covis_solvers::geometry::{LieGroup, So3};
+use nalgebra::Vector2;
 
 use super::camera::FrameCamera;
 use super::image::Image;
@@ -127,17 +127,6 @@ impl Kernel for Reading<'_> {
             }
         }
     }
-}
-
-/// The point that a pixel shows, in the world.
-#[must_use]
-pub fn point_in_world(
-    camera: &FrameCamera,
-    world_from_camera: &Se3,
-    pixel: &Vector2<f64>,
-    depth_m: f64,
-) -> Vector3<f64> {
-    world_from_camera.transform(&(camera.ray(pixel) * depth_m))
 }
 
 #[cfg(test)]

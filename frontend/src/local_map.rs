@@ -153,12 +153,6 @@ pub struct LocalMap {
 }
 
 impl LocalMap {
-    /// How many keyframes there have been: the id of the next.
-    #[must_use]
-    pub fn next_keyframe(&self) -> usize {
-        self.next_keyframe
-    }
-
     /// How many landmarks there have been: the id of the next.
     #[must_use]
     pub fn next_landmark(&self) -> usize {
@@ -347,7 +341,7 @@ mod tests {
             let place = map.add_landmark(Vector3::zeros());
             let seen = [place - 1, place].map(|place| (place, Vector2::zeros())).to_vec();
             let id = map.add_keyframe(0.0, pyramid(), Se3::identity(), seen);
-            assert_eq!((id, map.next_keyframe()), (MOST_KEYFRAMES + n, MOST_KEYFRAMES + n + 1));
+            assert_eq!((id, map.next_keyframe), (MOST_KEYFRAMES + n, MOST_KEYFRAMES + n + 1));
             map.tracked([map.landmarks.len() - 1].into_iter());
             assert_eq!(
                 map.trim(MOST_KEYFRAMES),

@@ -30,14 +30,8 @@ impl Pyramid {
 
     /// How many levels there are; at least one.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub fn level_count(&self) -> usize {
         self.levels.len()
-    }
-
-    /// Never: there is the image itself.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.levels.is_empty()
     }
 
     /// The image of a level, 0 the finest; the coarsest for levels beyond it.

@@ -21,7 +21,7 @@ use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrat
 use crate::frontend::dense::paged::PagedVolume;
 use crate::frontend::dense::pages::PageError;
 use crate::frontend::dense::pose_track::PoseTrack;
-use crate::frontend::dense::surface::{SurfaceCache, SurfaceOptions, extract_paged};
+use crate::frontend::dense::surface::{SurfaceCache, extract};
 use crate::frontend::input::FrameSource;
 
 /// A frame has the pose of this time, seconds, or none.
@@ -95,13 +95,13 @@ struct Follower {
 
 impl Follower {
     fn new(most: u32) -> Self {
-        let cache = SurfaceCache::new(SurfaceOptions::default());
+        let cache = SurfaceCache::default();
         Self { cache, most: most as usize, figures: Remesh::default(), seconds: Vec::new() }
     }
 
     fn follow(&mut self, volume: &mut PagedVolume) -> Result<(), PageError> {
         let start = Instant::now();
-        self.figures.pieces += self.cache.update_paged(volume, self.most)?;
+        self.figures.pieces += self.cache.update(volume, self.most)?;
         self.seconds.push(start.elapsed().as_secs_f64());
         let lag = self.cache.lag();
         self.figures.frames_behind += usize::from(lag > 0);
@@ -175,7 +175,7 @@ fn fuse(args: &Args) -> anyhow::Result<()> {
         bail!("{}: no frame has a pose within {POSE_REACH_S} s", args.poses.display());
     }
     let start = Instant::now();
-    let mesh = extract_paged(&mut volume, SurfaceOptions::default())?;
+    let mesh = extract(&mut volume)?;
     let extract_s = start.elapsed().as_secs_f64();
     let paging = Paging::of(&volume);
     let figures = write_surface(&mut volume, &mesh, &args.out)?;

@@ -21,7 +21,7 @@ use crate::frontend::dense::navigation::{
     Ground, NavigationOptions, distance_slice, occupancy_grid,
 };
 use crate::frontend::dense::paged::{PagedVolume, PagingFigures};
-use crate::frontend::dense::surface::{Mesh, SurfaceOptions, extract_paged};
+use crate::frontend::dense::surface::{Mesh, extract};
 use crate::frontend::dense::volume::VolumeOptions;
 use crate::frontend::dense::{export, file};
 
@@ -151,7 +151,7 @@ pub(super) struct MeshArgs {
 pub(super) fn mesh(args: &MeshArgs) -> anyhow::Result<()> {
     let is_glb = is_second(&args.out, ["ply", "glb"])?;
     let mut volume = args.memory.load(&args.volume, &args.out)?;
-    let mesh = extract_paged(&mut volume, SurfaceOptions::default())?;
+    let mesh = extract(&mut volume)?;
     drop(volume);
     let bytes = if is_glb {
         export::glb(&mesh).context("the mesh is too large for a GLB file (4 GiB)")?

@@ -144,7 +144,7 @@ pub fn wire_requests(input: &[u8]) {
             expect_status(listing::page(
                 request.page_size,
                 &request.page_token,
-                &listing::PagedList::maps(""),
+                &listing::PagedList::new("ListMaps", ""),
             ));
         }),
     }

@@ -46,7 +46,7 @@ impl Rpcs {
             }
             Some(known)
         })?;
-        let list = PagedList::jobs(caller.tenant(), &format!("{map_id}/{states:?}"));
+        let list = PagedList::new("ListJobs", format!("{}/{map_id}/{states:?}", caller.tenant()));
         let (size, after) = listing::page(*page_size, page_token, &list)?;
         let before = match after.as_str() {
             "" => i64::MAX,

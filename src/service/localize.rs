@@ -9,7 +9,7 @@ use super::convert::camera::camera;
 use super::convert::entities::to_place_candidate;
 use super::convert::geometry::{to_covariance6, to_rigid_transform, vector2};
 use super::convert::ids::to_landmark_ref;
-use super::convert::item::{depth, feature_descriptor, image_descriptor};
+use super::convert::item::{MAX_FEATURE_DESCRIPTOR, MAX_IMAGE_DESCRIPTOR, depth, descriptor};
 use super::convert::{Path, all, convert};
 use super::engine::MapHandle;
 use super::error::ServiceError;
@@ -41,14 +41,14 @@ pub(super) fn input(request: v1::LocalizeRequest) -> Result<Input, ServiceError>
             let place = at.field("descriptor");
             let descriptor = match message.descriptor {
                 None => None,
-                Some(descriptor) => Some(feature_descriptor(place, descriptor, out)?),
+                Some(sent) => Some(descriptor(place, sent, MAX_FEATURE_DESCRIPTOR, out)?),
             };
             let depth_m = depth?.map(|depth| (depth.depth_m, depth.sigma_m));
             Some((Feature { pixel: pixel?, sigma_px: sigma?, depth_m }, descriptor))
         });
         let at = Path::root("global_descriptor");
         let image = request.global_descriptor;
-        let image = image.and_then(|image| image_descriptor(at, image, out));
+        let image = image.and_then(|image| descriptor(at, image, MAX_IMAGE_DESCRIPTOR, out));
         let (features, mut descriptors): (_, Vec<Option<Descriptor>>) =
             features?.into_iter().unzip();
         // What a keyframe could not have is not compared.

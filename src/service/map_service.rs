@@ -57,7 +57,7 @@ impl Rpcs {
         request: Request<v1::ListMapsRequest>,
     ) -> Result<v1::ListMapsResponse, ServiceError> {
         let caller = Caller::of(&request)?;
-        let list = listing::PagedList::maps(caller.tenant());
+        let list = listing::PagedList::new("ListMaps", caller.tenant());
         let v1::ListMapsRequest { page_size, page_token } = request.get_ref();
         let (size, after) = listing::page(*page_size, page_token, &list)?;
         let queued = self.context.config.engine.queue_capacity;

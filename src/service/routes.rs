@@ -5,7 +5,9 @@
 
 use std::sync::Arc;
 
+use tonic::body::Body;
 use tonic::codec::CompressionEncoding;
+use tonic::codegen::http::Request;
 use tonic::server::NamedService;
 use tonic::service::Routes;
 use tonic_health::ServingStatus;
@@ -13,9 +15,9 @@ use tonic_health::server::HealthReporter;
 
 use super::access::Guarded;
 use super::context::{Context, Rpcs};
-use super::page::{Hosts, PageRoutes};
+use super::page::{Answering, Hosts, PageRoutes};
 use super::server::ServerError;
-use super::telemetry::{Metered, MetricsService};
+use super::telemetry::{Metered, respond};
 use crate::wire::v1::ingest_service_server::IngestServiceServer;
 use crate::wire::v1::job_service_server::JobServiceServer;
 use crate::wire::v1::map_service_server::MapServiceServer;
@@ -110,7 +112,10 @@ pub(super) async fn routes(
     let info = guarded!(limited!(ServerServiceServer::from_arc(rpcs)));
     let health_service = health_service.max_decoding_message_size(SMALL_MESSAGE_BYTES);
     let page = hosts.map(|hosts| {
-        let metrics = Guarded::new(MetricsService::new(context), &context.access);
+        let shown = Arc::clone(context);
+        let metrics =
+            Answering(move |request: &Request<Body>| respond(request, &shown).map(Body::new));
+        let metrics = Guarded::new(metrics, &context.access);
         let page = PageRoutes::new(hosts, metrics);
         page.add(maps.clone()).add(jobs.clone()).add(info.clone()).routes()
     });

@@ -12,6 +12,9 @@ pub const VOXELS: usize = EDGE * EDGE * EDGE;
 pub const DISTANCE_ONE: f32 = 32_767.0;
 /// A weight of one, as it is stored.
 pub const WEIGHT_ONE: u16 = 256;
+/// Least stored weight of a voxel that counts: three frames, also at the largest depth in use, where one
+/// has 1/256 of its weight at a meter.
+pub(super) const LEAST_WEIGHT: u16 = 3;
 
 /// A block of the grid, by its coordinates in blocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -33,7 +36,7 @@ pub struct Block {
     pub distances: [i16; VOXELS],
     /// Weight of the measurements, in 1 / [`WEIGHT_ONE`]; 0 where there are none.
     pub weights: [u16; VOXELS],
-    /// Red, green, blue, and the state of the dynamic update.
+    /// Red, green, blue, and what was seen of changes.
     pub colors: [[u8; 4]; VOXELS],
 }
 

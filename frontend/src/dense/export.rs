@@ -179,8 +179,8 @@ fn bounds(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::surface::{SurfaceOptions, extract};
     use super::super::testing::{CENTIMETER, sphere, volume};
+    use super::super::tests::extract;
     use super::*;
 
     /// Reads a PLY of floats, uchars and lists of three as its header tells, and nothing else.
@@ -229,7 +229,7 @@ mod tests {
     #[test]
     fn what_is_read_back_is_what_was_written() {
         let ball = |p| Some((sphere(p, [0.0; 3], 0.05), 1.0, [1, 2, 250]));
-        let mesh = extract(&volume(CENTIMETER, [-1; 3], [0; 3], ball), SurfaceOptions::default());
+        let mesh = extract(&volume(CENTIMETER, [-1; 3], [0; 3], ball));
         assert!(mesh.triangles.len() > 100);
         assert_eq!(read(&ply(&mesh)), mesh);
         assert_eq!(read(&ply(&Mesh::default())), Mesh::default());
@@ -241,7 +241,7 @@ mod tests {
 
     fn ball() -> Mesh {
         let ball = |p| Some((sphere(p, [0.1, 0.0, 0.0], 0.05), 1.0, [255, 188, 0]));
-        extract(&volume(CENTIMETER, [0, -1, -1], [2, 0, 0], ball), SurfaceOptions::default())
+        extract(&volume(CENTIMETER, [0, -1, -1], [2, 0, 0], ball))
     }
 
     #[test]

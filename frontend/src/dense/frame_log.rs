@@ -49,24 +49,6 @@ impl FrameLog {
         Ok(Self { pages: PageFile::new(None)?, entries: Vec::new(), buffer: Vec::new() })
     }
 
-    /// How many frames it holds.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.entries.len()
-    }
-
-    /// Whether it holds none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
-    }
-
-    /// Bytes of the file.
-    #[must_use]
-    pub fn bytes(&self) -> u64 {
-        self.pages.bytes()
-    }
-
     /// Appends a frame, and rounds its depth as the log stores it.
     ///
     /// # Errors
@@ -96,7 +78,7 @@ impl FrameLog {
         }
     }
 
-    /// The frame at an index below [`FrameLog::len`].
+    /// The frame at an index below the number of frames.
     ///
     /// # Errors
     /// The file cannot be read, or there is no such frame.
@@ -202,7 +184,7 @@ mod tests {
         for index in [8, 0, 3, 3, 7] {
             assert_eq!(log.read(index).unwrap(), frames[index]);
         }
-        assert_eq!(log.len(), 9);
+        assert_eq!(log.entries.len(), 9);
         assert!(log.read(9).is_err());
     }
 
@@ -223,6 +205,6 @@ mod tests {
         let mut odd = frame(0, true);
         odd.moving = Some(Image::filled(5, 7, 0));
         assert!(log.append(&mut odd).is_err());
-        assert!(log.is_empty() && log.bytes() == 0);
+        assert!(log.entries.is_empty() && log.pages.bytes() == 0);
     }
 }

@@ -9,7 +9,7 @@ use super::block::{Block, DISTANCE_ONE, WEIGHT_ONE};
 use super::lanes::{Lanes, WIDTH};
 use super::pixels::{DEPTH_UNITS, FACING_ONE, SLOPE_UNIT};
 use super::tiles::Range;
-use super::update::{FREE, Measured, Rules, Stored, sigma_m};
+use super::update::{FREE, Measured, Rules, Stored};
 use super::visibility::{Lens, NEAREST_M};
 
 /// Pairs of rows in a layer of a block.
@@ -37,8 +37,6 @@ pub(super) struct Frame<'a> {
     /// The depth of the largest unit, meters.
     pub(super) farthest_m: f32,
     pub(super) truncation_m: f32,
-    /// The truncation behind a surface grows to this many standard deviations of depth.
-    pub(super) behind_sigmas: f32,
     /// Least weight of a measurement, as stored.
     pub(super) least_weight: f32,
     pub(super) rules: Rules,
@@ -78,16 +76,15 @@ impl Frame<'_> {
         corner: [f32; 3],
         range: Range,
     ) -> Outcome {
-        match (self.lens.is_pinhole, self.rules.is_dynamic) {
-            (true, false) => self.fuse_as::<L, true, false>(l, block, corner, range),
-            (true, true) => self.fuse_as::<L, true, true>(l, block, corner, range),
-            (false, false) => self.fuse_as::<L, false, false>(l, block, corner, range),
-            (false, true) => self.fuse_as::<L, false, true>(l, block, corner, range),
+        if self.lens.is_pinhole {
+            self.fuse_as::<L, true>(l, block, corner, range)
+        } else {
+            self.fuse_as::<L, false>(l, block, corner, range)
         }
     }
 
     #[inline(always)]
-    fn fuse_as<L: Lanes, const PINHOLE: bool, const DYNAMIC: bool>(
+    fn fuse_as<L: Lanes, const PINHOLE: bool>(
         &self,
         l: L,
         block: &mut Block,
@@ -138,12 +135,8 @@ impl Frame<'_> {
             let tilt = l.fma(slope_u, du, l.mul(slope_v, dv));
             let tilt = l.mul(tilt, l.splat(SLOPE_UNIT));
             let before = l.sub(l.fma(depth, tilt, depth), z);
-            let mut behind = l.splat(self.truncation_m);
-            if self.behind_sigmas > 0.0 {
-                let sigma_m = sigma_m(l, depth);
-                behind = l.max(behind, l.mul(sigma_m, l.splat(self.behind_sigmas)));
-            }
-            seen = l.both(seen, l.less(l.splat(0.0), l.add(before, behind)));
+            let behind = l.add(before, l.splat(self.truncation_m));
+            seen = l.both(seen, l.less(l.splat(0.0), behind));
             if !l.any(seen) {
                 outcome.free = false;
                 continue;
@@ -163,11 +156,7 @@ impl Frame<'_> {
             let weight = l.float(l.round(l.max(weight, l.splat(self.least_weight))));
 
             let measured = Measured { seen, distance, weight, word: high, depth_m: depth };
-            let new = if DYNAMIC {
-                self.rules.update_or_free(l, &measured, &old, colors, &mut moved)
-            } else {
-                self.rules.average(l, &measured, &old, colors, &mut moved)
-            };
+            let new = self.rules.update(l, &measured, &old, colors, &mut moved);
             let (new_distance, new_weight) = (l.round(new.distance), l.round(new.weight));
             let changed = l.either(
                 l.differ_int(new_distance, old_distance),

@@ -14,7 +14,6 @@ use rayon::prelude::*;
 use super::block::{DISTANCE_ONE, WEIGHT_ONE};
 use super::fuse::{Frame, Outcome};
 use super::lanes::{Class, Kernel, Lanes};
-pub use super::options::IntegrationOptions;
 use super::pages::PageError;
 use super::pixels::{self, BAND, PackBand, Scratch, Source, dilated};
 use super::rays::{RayBlocks, Rays};
@@ -31,8 +30,41 @@ const PIECE: usize = 16;
 /// eight levels of gray, by [`Lanes::color_difference`]. A surface of the block never shows a color
 /// that is off by more.
 const VISIBLE: u32 = 32;
+/// The mask of what moves is dilated by this much, pixels.
+const DILATION_PX: usize = 4;
 /// Blocks that a task looks up.
 const CLEAR_PIECE: usize = 1024;
+
+/// Options of integration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IntegrationOptions {
+    /// Depth beyond this is not used, meters; 0.1 to 30. Depth is rounded to this / 65535.
+    pub max_depth_m: f32,
+    /// Largest weight of a voxel, in measurements at full weight, 1 to 255.
+    pub max_weight: f32,
+    /// Whether measurements have less weight where depth is large or the surface is oblique.
+    pub weigh_noise: bool,
+}
+
+impl Default for IntegrationOptions {
+    fn default() -> Self {
+        Self { max_depth_m: 4.0, max_weight: 64.0, weigh_noise: true }
+    }
+}
+
+impl IntegrationOptions {
+    /// The name of the first option or measure that is out of range.
+    pub(super) fn refused(&self, measures: &VolumeOptions) -> Option<&'static str> {
+        let within = |x: f32, least: f32, most: f32| x >= least && x <= most;
+        let measures = [
+            ("voxel_m", measures.voxel_m > 0.0 && measures.voxel_m.is_finite()),
+            ("truncation_m", measures.truncation_m > 0.0 && measures.truncation_m.is_finite()),
+            ("max_depth_m", within(self.max_depth_m, 0.1, 30.0)),
+            ("max_weight", within(self.max_weight, 1.0, 255.0)),
+        ];
+        measures.into_iter().find_map(|(name, is_good)| (!is_good).then_some(name))
+    }
+}
 
 /// A frame to be integrated. All images have the camera's size.
 #[derive(Clone, Copy, Debug)]
@@ -147,7 +179,7 @@ impl Integrator {
                 .into()
         });
         self.ray_blocks.begin(&points).ok_or(IntegrateError::TooFar)?;
-        self.dilated = frame.moving.map(|moving| dilated(moving, self.options.dilation_px));
+        self.dilated = frame.moving.map(|moving| dilated(moving, DILATION_PX));
         self.pack_and_mark(frame, &measures);
         self.tiles.build();
         let keys = volume.keys().par_iter().with_min_len(CLEAR_PIECE);
@@ -197,8 +229,7 @@ impl Integrator {
 
     /// The depth up to which voxels are updated, meters.
     fn farthest_m(&self, measures: &VolumeOptions) -> f32 {
-        let farthest = self.options.max_depth_m;
-        farthest + self.options.behind_m(farthest, measures.truncation_m)
+        self.options.max_depth_m + measures.truncation_m
     }
 
     /// Packs the frame, and marks the blocks that its rays reach.
@@ -212,13 +243,7 @@ impl Integrator {
             farthest_m: self.options.max_depth_m,
             pinhole: [self.lens.fx, self.lens.fy, self.lens.cx, self.lens.cy],
         };
-        let rays = Rays::new(
-            &self.ray_blocks,
-            &self.camera,
-            &self.options,
-            frame.world_from_camera,
-            measures,
-        );
+        let rays = Rays::new(&self.ray_blocks, &self.camera, frame.world_from_camera, measures);
         let tiles_a_band = BAND / TILE * self.tiles.width();
         let bands = self.pixels.par_chunks_mut(BAND * stride);
         let bands = bands.zip(self.tiles.smallest_mut().par_chunks_mut(tiles_a_band));
@@ -254,10 +279,8 @@ impl Integrator {
             layer: steps[2],
             farthest_m: self.options.max_depth_m,
             truncation_m: measures.truncation_m,
-            behind_sigmas: self.options.truncation_sigmas,
             least_weight: if self.options.weigh_noise { 1.0 } else { weight_one },
             rules: Rules {
-                is_dynamic: self.options.dynamic,
                 most_weight: (self.options.max_weight * weight_one).floor(),
                 near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0) * DISTANCE_ONE,
                 slack: 3.0 / measures.truncation_m * DISTANCE_ONE,
@@ -265,15 +288,13 @@ impl Integrator {
                 dither: i32::from((revision as u8).reverse_bits()),
             },
         };
-        let behind_m = self.options.behind_m(self.options.max_depth_m, measures.truncation_m);
         let (frame, visibility, tiles) = (&frame, &visibility, &self.tiles);
         volume.pieces_mut(PIECE).for_each(|piece| {
             self.class.run(FusePiece {
                 frame,
                 visibility,
                 tiles,
-                behind_m,
-                before_m: measures.truncation_m,
+                truncation_m: measures.truncation_m,
                 revision,
                 piece,
             });
@@ -286,8 +307,7 @@ struct FusePiece<'a> {
     frame: &'a Frame<'a>,
     visibility: &'a Visibility,
     tiles: &'a Tiles,
-    behind_m: f32,
-    before_m: f32,
+    truncation_m: f32,
     revision: u64,
     piece: Piece<'a>,
 }
@@ -301,7 +321,7 @@ impl Kernel for FusePiece<'_> {
         let seen: [Seen; PIECE] = std::array::from_fn(|slot| {
             let corner = keys.get(slot).map(|&key| self.visibility.corner(key));
             let seen = corner.map_or(Seen::No, |corner| {
-                self.visibility.look(corner, self.tiles, self.behind_m, self.before_m)
+                self.visibility.look(corner, self.tiles, self.truncation_m)
             });
             // In a block without solid voxels, seeing through it changes nothing.
             match seen {

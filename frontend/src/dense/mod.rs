@@ -10,12 +10,11 @@
 //! | `page_cache` | regions: groups of blocks that are paged together, and which stay in memory |
 //! | `paged` | a volume that may be partly on disk |
 //! | `lanes` | sixteen numbers at a time |
-//! | `options` | the options of integration |
 //! | `tiles` | nearest and farthest depth of parts of an image |
 //! | `pixels` | a frame as voxels read it, and its mask dilated |
 //! | `rays` | which blocks a frame's rays pass near the measured depth |
 //! | `visibility` | the space that a camera sees, and which blocks a frame sees |
-//! | `update` | the rules of one voxel: weighted mean, and the dynamic update that frees and replaces voxels |
+//! | `update` | the rules of one voxel: weighted mean, and what frees and replaces voxels where the scene changes |
 //! | `fuse` | fuses a frame into a block by those rules |
 //! | `integrate` | integrates frames into a volume |
 //! | `frame_log` | frames that may have to be integrated again |
@@ -36,7 +35,6 @@ pub mod integrate;
 mod lanes;
 pub mod mapper;
 pub mod navigation;
-mod options;
 mod packing;
 mod page_cache;
 pub mod paged;

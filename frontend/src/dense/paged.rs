@@ -155,15 +155,6 @@ impl PagedVolume {
         Ok(is_new)
     }
 
-    /// The block at a key.
-    ///
-    /// # Errors
-    /// As [`PagedVolume::insert`].
-    pub fn block(&mut self, key: BlockKey) -> Result<Option<&Block>, PageError> {
-        let volume = self.bring(&[Region::of(key)])?;
-        Ok(volume.block(key))
-    }
-
     /// Brings regions into memory; others may be evicted. Fails as [`PagedVolume::insert`].
     pub(super) fn bring(&mut self, regions: &[Region]) -> Result<&Volume, PageError> {
         if let Some(cache) = &mut self.cache {

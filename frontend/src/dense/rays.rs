@@ -9,7 +9,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use covis_solvers::geometry::Se3;
 
 use super::block::BlockKey;
-use super::options::IntegrationOptions;
 use super::pixels::Scratch;
 use super::tiles::{Range, TILE};
 use super::visibility::NEAREST_M;
@@ -179,7 +178,6 @@ fn floor(x: f32) -> i32 {
 pub(super) struct Rays<'a> {
     ray_blocks: &'a RayBlocks,
     camera: &'a FrameCamera,
-    options: &'a IntegrationOptions,
     /// The camera's center and axes in blocks, from the corner of `ray_blocks`.
     origin: [f32; 3],
     axes: [[f32; 3]; 3],
@@ -193,7 +191,6 @@ impl<'a> Rays<'a> {
     pub(super) fn new(
         ray_blocks: &'a RayBlocks,
         camera: &'a FrameCamera,
-        options: &'a IntegrationOptions,
         world_from_camera: &Se3,
         measures: &VolumeOptions,
     ) -> Self {
@@ -205,7 +202,6 @@ impl<'a> Rays<'a> {
         Self {
             ray_blocks,
             camera,
-            options,
             origin: std::array::from_fn(|k| (center[k] - f64::from(corner[k])) as f32),
             axes: std::array::from_fn(|axis| {
                 std::array::from_fn(|k| (rotation[(k, axis)] / block_m) as f32)
@@ -247,7 +243,7 @@ impl<'a> Rays<'a> {
                         let direction = std::array::from_fn(|k| a * x[k] + b * y[k] + z[k]);
                         let ray = Ray { origin: self.origin, direction };
                         let from = (depth[u] - self.truncation_m).max(NEAREST_M);
-                        let to = depth[u] + self.options.behind_m(depth[u], self.truncation_m);
+                        let to = depth[u] + self.truncation_m;
                         before = self.ray_blocks.mark(&ray, from, to, before);
                     }
                 }

@@ -1,6 +1,6 @@
-//! What a measurement does to voxels: it is averaged in, or handled by the dynamic update.
+//! What a measurement does to voxels: it is averaged in, but where it tells that the scene has changed.
 //!
-//! The dynamic update acts where a distance differs by more than the noise of depth and two voxels:
+//! That is where a distance differs by more than the noise of depth and two voxels:
 //!
 //! - a voxel that is seen through loses three eighths of its weight per frame, and is free when little
 //!   is left: removed objects vanish, and a single wrong pixel does no harm;
@@ -74,8 +74,6 @@ impl<L: Lanes> Stored<L> {
 /// How voxels are updated, the same for all of a frame.
 #[derive(Clone, Debug)]
 pub(super) struct Rules {
-    /// Whether the dynamic update is on.
-    pub(super) is_dynamic: bool,
     /// Largest weight of a voxel, as stored.
     pub(super) most_weight: f32,
     /// Largest distance with color, as stored; a surface hides the voxels farther behind it.
@@ -87,33 +85,6 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    /// Averages all measurements and returns what voxels store; `moved` grows to the largest color
-    /// change.
-    #[inline(always)]
-    pub(super) fn average<L: Lanes>(
-        &self,
-        l: L,
-        new: &Measured<L>,
-        old: &Stored<L>,
-        colors: &mut [[u8; 4]; WIDTH],
-        moved: &mut L::I,
-    ) -> Stored<L> {
-        let (distance, weight, color_share) = old.mean(l, new);
-        let weight = l.min(weight, l.splat(self.most_weight));
-        let near = l.both(new.seen, l.at_most(l.abs(new.distance), l.splat(self.near)));
-        if l.any(near) {
-            let word = l.load_bytes(colors);
-            let blend = self.blend(l, word, new.word, color_share);
-            let next = l.select_int(near, blend, word);
-            l.store_bytes(next, colors);
-            *moved = l.max_int(*moved, l.color_difference(next, word));
-        }
-        Stored {
-            distance: l.select(new.seen, distance, old.distance),
-            weight: l.select(new.seen, weight, old.weight),
-        }
-    }
-
     /// Mixes two colors, `share` / 256 of the new one. The highest byte stays.
     #[inline(always)]
     fn blend<L: Lanes>(&self, l: L, old: L::I, new: L::I, share: L::I) -> L::I {
@@ -133,9 +104,10 @@ impl Rules {
         l.or_int(last, l.or_int(red_blue, l.shift_up::<8>(green)))
     }
 
-    /// What voxels store after the dynamic update, which also frees them; `moved` grows as in [`Rules::average`].
+    /// What voxels store after a measurement, which may free them; `moved` grows to the largest color
+    /// change.
     #[inline(always)]
-    pub(super) fn update_or_free<L: Lanes>(
+    pub(super) fn update<L: Lanes>(
         &self,
         l: L,
         new: &Measured<L>,

@@ -156,16 +156,10 @@ impl Visibility {
         [at.x as f32, at.y as f32, at.z as f32]
     }
 
-    /// How the depth of `tiles` sees the block with this corner. Voxels are updated up to `behind_m`
-    /// behind a surface; space more than `before_m` in front of it is free.
+    /// How the depth of `tiles` sees the block with this corner. Voxels are updated up to
+    /// `truncation_m` behind a surface; space more than that in front of it is free.
     #[inline(always)]
-    pub(super) fn look(
-        &self,
-        corner: [f32; 3],
-        tiles: &Tiles,
-        behind_m: f32,
-        before_m: f32,
-    ) -> Seen {
+    pub(super) fn look(&self, corner: [f32; 3], tiles: &Tiles, truncation_m: f32) -> Seen {
         let lens = &self.lens;
         let [x, y, z] = std::array::from_fn(|k| corner[k] + self.to_center[k]);
         let radius = RADIUS * self.voxel_m;
@@ -196,7 +190,7 @@ impl Visibility {
         }
         let [nearest, farthest] =
             tiles.range(left as usize, top as usize, right as usize, bottom as usize);
-        let range = [nearest - before_m, farthest + behind_m];
+        let range = [nearest - truncation_m, farthest + truncation_m];
         if nearest_z > range[1] {
             Seen::No
         } else if farthest_z < range[0] {

@@ -232,18 +232,6 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// How many there are.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.len
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len == 0
-    }
-
     /// The block in a slot.
     #[must_use]
     pub fn get(&self, slot: usize) -> Option<&Block> {

@@ -16,7 +16,7 @@ use nalgebra::Vector2;
 use super::pose::{FEW_INLIERS, match_map};
 use super::{COASTING_RESIDUAL, CurrentFrame, LastFrame, Motion, Pipeline, State};
 use crate::depth;
-use crate::features::corners::{Corner, CornerOptions, detect};
+use crate::features::corners::CornerOptions;
 use crate::features::descriptor::{Describer, Descriptor};
 use crate::local_map::CameraPose;
 use crate::tracking::local_matching::View;
@@ -168,21 +168,11 @@ fn lost_frame(
 
 /// The corners of a frame that lie on surfaces.
 fn features(view: &View<'_>) -> Vec<Feature> {
-    let gray = view.pyramid.level(0);
-    let describer = Describer::new(gray);
-    let is_allowed = |u: usize, v: usize| {
-        depth::on_surface(view.depth_m, u, v).is_some()
-            && !view.is_moving(&Vector2::new(u as f64, v as f64))
+    let describer = Describer::new(view.pyramid.level(0));
+    let feature = |(pixel, z): (Vector2<f64>, f64)| {
+        let descriptor = describer.describe(pixel.x as f32, pixel.y as f32)?;
+        let depth_m = (z, depth::sigma_m(z));
+        Some(Feature { pixel, sigma_px: SIGMA_PX, depth_m, descriptor })
     };
-    let corners = detect(gray, &CornerOptions::default(), is_allowed);
-    let feature = |corner: Corner| {
-        let z = f64::from(view.depth_m.at(corner.u, corner.v));
-        Some(Feature {
-            pixel: Vector2::new(corner.u as f64, corner.v as f64),
-            sigma_px: SIGMA_PX,
-            depth_m: (z, depth::sigma_m(z)),
-            descriptor: describer.describe(corner.u as f32, corner.v as f32)?,
-        })
-    };
-    corners.into_iter().filter_map(feature).collect()
+    view.corners(&CornerOptions::default(), |_, _| true).filter_map(feature).collect()
 }

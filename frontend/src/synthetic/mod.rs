@@ -199,12 +199,6 @@ impl SyntheticSource {
     pub fn new(sequence: Sequence) -> Self {
         Self { sequence, next: 0 }
     }
-
-    /// What is drawn, with its truth.
-    #[must_use]
-    pub fn sequence(&self) -> &Sequence {
-        &self.sequence
-    }
 }
 
 impl FrameSource for SyntheticSource {

@@ -88,7 +88,7 @@ impl Reference {
         finest: usize,
     ) -> Self {
         let points = Points::new(camera, points);
-        let coarsest = COARSEST.min(reference.len() - 1);
+        let coarsest = COARSEST.min(reference.level_count() - 1);
         let levels = (finest.min(coarsest)..=coarsest).rev();
         let levels = levels.map(|l| Patches::new(reference.level(l), l, &points)).collect();
         let focal = camera.model().fx.max(camera.model().fy);

@@ -8,7 +8,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::local_matching::{Match, SIGMA_PX, View};
 use crate::depth;
-use crate::features::corners::{Corner, CornerOptions, detect};
+use crate::features::corners::CornerOptions;
 use crate::features::descriptor::{Describer, Descriptor};
 use crate::local_map::{CameraPose, LocalMap, MapKeyframe};
 use crate::pyramid::Pyramid;
@@ -154,17 +154,7 @@ pub fn free_corners(view: &View<'_>, matches: &[Match]) -> Vec<(Vector2<f64>, f6
     for found in matches {
         is_taken[cell(found.pixel.x as usize, found.pixel.y as usize)] = true;
     }
-    let is_allowed = |u: usize, v: usize| {
-        !is_taken[cell(u, v)]
-            && depth::on_surface(view.depth_m, u, v).is_some()
-            && !view.is_moving(&Vector2::new(u as f64, v as f64))
-    };
     let options =
         CornerOptions { cell_px: CELL_PX, border_px: BORDER_PX, ..CornerOptions::default() };
-    let corners = detect(gray, &options, is_allowed);
-    let with_depth = |corner: Corner| {
-        let pixel = Vector2::new(corner.u as f64, corner.v as f64);
-        (pixel, f64::from(view.depth_m.at(corner.u, corner.v)))
-    };
-    corners.into_iter().map(with_depth).collect()
+    view.corners(&options, |u, v| !is_taken[cell(u, v)]).collect()
 }

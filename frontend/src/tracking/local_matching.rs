@@ -11,6 +11,7 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 use super::patch_match::WarpedPatch;
 use crate::camera::FrameCamera;
 use crate::depth;
+use crate::features::corners::{Corner, CornerOptions, detect};
 use crate::image::Image;
 use crate::local_map::{LocalMap, MapLandmark};
 use crate::pyramid::{Pyramid, scale};
@@ -87,6 +88,24 @@ impl View<'_> {
             u < mask.width() && v < mask.height() && mask.at(u, v) > 127
         };
         self.moving.is_some_and(at)
+    }
+
+    /// Corners with their depths, of pixels for which `is_free` holds: only on surfaces, and where nothing
+    /// moves.
+    pub fn corners(
+        &self,
+        options: &CornerOptions,
+        is_free: impl Fn(usize, usize) -> bool,
+    ) -> impl Iterator<Item = (Vector2<f64>, f64)> {
+        let is_allowed = |u: usize, v: usize| {
+            is_free(u, v)
+                && depth::on_surface(self.depth_m, u, v).is_some()
+                && !self.is_moving(&Vector2::new(u as f64, v as f64))
+        };
+        let corners = detect(self.pyramid.level(0), options, is_allowed).into_iter();
+        corners.map(|Corner { u, v, .. }| {
+            (Vector2::new(u as f64, v as f64), f64::from(self.depth_m.at(u, v)))
+        })
     }
 }
 

@@ -54,14 +54,14 @@ impl WarpedPatch {
         }
         // A patch that is larger in the current view is matched on a coarser level.
         let mut level = 0;
-        while (area > 3.0 || level < coarser) && level + 1 < keyframe.len() {
+        while (area > 3.0 || level < coarser) && level + 1 < keyframe.level_count() {
             area *= 0.25;
             level += 1;
         }
         let keyframe_from_current = current_from_keyframe.try_inverse()? * scale(level);
         // A patch that is smaller is read from a coarser level of the keyframe.
         let mut source = 0;
-        while area < 0.34 && source + 1 < keyframe.len() {
+        while area < 0.34 && source + 1 < keyframe.level_count() {
             area *= 4.0;
             source += 1;
         }

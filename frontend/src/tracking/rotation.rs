@@ -40,7 +40,7 @@ impl SmallImage {
     /// The small image of a pyramid's coarsest level.
     #[must_use]
     pub fn new(pyramid: &Pyramid) -> Self {
-        let level = pyramid.len() - 1;
+        let level = pyramid.level_count() - 1;
         let mut gray = pyramid.level(level).map(f32::from);
         for _ in 0..BLURS {
             gray = blurred(&gray);

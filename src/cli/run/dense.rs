@@ -13,7 +13,7 @@ use crate::frontend::camera::FrameCamera;
 use crate::frontend::dense::export;
 use crate::frontend::dense::integrate::IntegrationOptions;
 use crate::frontend::dense::mapper::{DenseMapper, MemoryCeiling};
-use crate::frontend::dense::surface::{Mesh, SurfaceOptions, extract_paged};
+use crate::frontend::dense::surface::{Mesh, extract};
 use crate::frontend::dense::thread::{DenseReport, DenseThread};
 use crate::frontend::dense::volume::VolumeOptions;
 
@@ -61,7 +61,7 @@ pub(super) fn finish(thread: DenseThread) -> anyhow::Result<Dense> {
     if let Some(progress) = progress {
         progress.finish();
     }
-    let mesh = extract_paged(&mut report.volume, SurfaceOptions::default())?;
+    let mesh = extract(&mut report.volume)?;
     Ok(Dense { report, mesh })
 }
 

@@ -121,10 +121,7 @@ impl Access {
             _ => self.listed(token).ok_or(UNKNOWN)?,
         };
         let needed = roles::needed(path);
-        if caller.role() < needed {
-            self.refusals.role(&caller, path, needed);
-            return Err(ServiceError::RoleTooLow { needed: needed.name() });
-        }
+        caller.require(needed).inspect_err(|_| self.refusals.role(&caller, path, needed))?;
         Ok(caller.calling(needed))
     }
 

@@ -64,14 +64,12 @@ impl Access {
 }
 
 fn still_admits(known: &Known, caller: &Caller) -> Result<(), ServiceError> {
-    let needed = caller.needed();
     match caller.proof() {
         Proof::Nothing => Ok(()),
         Proof::Listed(digest) => {
             let owner = known.tokens.as_ref().and_then(|tokens| tokens.owner(digest));
             let owner = owner.filter(|owner| owner.tenant() == caller.tenant()).ok_or(UNKNOWN)?;
-            let is_covered = owner.role() >= needed;
-            is_covered.then_some(()).ok_or(ServiceError::RoleTooLow { needed: needed.name() })
+            owner.require(caller.needed())
         }
         Proof::Signed { kid, key, .. } => {
             let present = known.keys.as_ref().and_then(|keys| keys.get(kid));

@@ -68,11 +68,6 @@ impl Caller {
         &self.tenant
     }
 
-    /// Its role.
-    pub(super) fn role(&self) -> Role {
-        self.role
-    }
-
     /// The role that its call needs.
     pub(super) fn needed(&self) -> Role {
         self.needed

@@ -46,18 +46,11 @@ pub enum AccessError {
         reason: String,
     },
     /// An entry has a bad field. Its value is not shown: it could be the token itself.
-    #[error("{}: token {number}: {field} must be {expected}", path.display())]
+    #[error("{}: {kind} {number}: {field} must be {expected}", path.display())]
     Entry {
         path: PathBuf,
-        /// Which entry, from 1.
-        number: usize,
-        field: &'static str,
-        expected: &'static str,
-    },
-    /// A tenant's entry has a bad field.
-    #[error("{}: tenant {number}: {field} must be {expected}", path.display())]
-    Tenant {
-        path: PathBuf,
+        /// `token` or `tenant`.
+        kind: &'static str,
         /// Which entry, from 1.
         number: usize,
         field: &'static str,
@@ -140,8 +133,8 @@ impl Tokens {
         let (mut tokens, mut names) = (BTreeMap::new(), BTreeSet::new());
         for (number, entry) in (1..).zip(file.token) {
             let bad = |field, expected| {
-                let path = path.to_owned();
-                Err(AccessError::Entry { path, number, field, expected })
+                let (path, kind) = (path.to_owned(), "token");
+                Err(AccessError::Entry { path, kind, number, field, expected })
             };
             if !is_name(&entry.name) || !names.insert(entry.name.clone()) {
                 return bad("name", "another one: 1 to 63 characters of a-z, 0-9, '_' and '-'");
@@ -161,8 +154,8 @@ impl Tokens {
         let mut tenants = BTreeMap::new();
         for (number, TenantEntry { name, limits }) in (1..).zip(file.tenant) {
             let bad = |expected| {
-                let (path, field) = (path.to_owned(), "name");
-                Err(AccessError::Tenant { path, number, field, expected })
+                let (path, kind, field) = (path.to_owned(), "tenant", "name");
+                Err(AccessError::Entry { path, kind, number, field, expected })
             };
             if !name.is_empty() && !is_name(&name) {
                 return bad("1 to 63 characters of a-z, 0-9, '_' and '-', or empty");
@@ -220,7 +213,8 @@ mod tests {
         let text = format!("[[token]]\nname = 'r'\nsha256 = '{TEST}'\nrole = 'write'\n");
         let tokens = parse(&text).unwrap();
         let caller = tokens.caller("test").unwrap();
-        assert_eq!((caller.token(), caller.tenant(), caller.role()), ("r", "", Role::Write));
+        assert_eq!((caller.token(), caller.tenant()), ("r", ""));
+        assert!(caller.require(Role::Write).is_ok() && caller.require(Role::Admin).is_err());
         assert!(tokens.caller("tesT").is_none());
         assert!(tokens.caller(TEST).is_none(), "the digest is no token");
         assert!(parse("").unwrap().caller("").is_none());

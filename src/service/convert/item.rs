@@ -27,9 +27,9 @@ use v1::ingest_request::Item as WireItem;
 use v1::keyframe::Sensor;
 
 /// Longest descriptor of a feature, bytes.
-const MAX_FEATURE_DESCRIPTOR: usize = 4096;
+pub(in crate::service) const MAX_FEATURE_DESCRIPTOR: usize = 4096;
 /// Longest descriptor of a whole image, bytes.
-const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
+pub(in crate::service) const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
 /// Most observations, and most landmarks, of one item: each needs some hundred bytes in the map,
 /// however few on the wire.
 pub(super) const MAX_ENTRIES: usize = 65_536;
@@ -169,7 +169,8 @@ fn keyframe(message: v1::Keyframe, sender: &str, out: &mut Violations) -> Option
     let observations = observations(at.field("observations"), message.observations, out);
     let landmarks = landmarks(at.field("landmarks"), &message.landmarks, sender, out);
     let image = message.global_descriptor;
-    let image = image.and_then(|image| image_descriptor(at.field("global_descriptor"), image, out));
+    let place = at.field("global_descriptor");
+    let image = image.and_then(|image| descriptor(place, image, MAX_IMAGE_DESCRIPTOR, out));
     Some(Item::Keyframe {
         id,
         capture_time_ns: time.unwrap_or(0),
@@ -208,9 +209,9 @@ fn observations(
         let pixel = out.or(place, pixel, Vector2::repeat(f64::NAN));
         let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
         let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
-        let descriptor = message.descriptor;
-        let descriptor =
-            descriptor.and_then(|d| feature_descriptor(at.field("descriptor"), d, out));
+        let place = at.field("descriptor");
+        let sent = message.descriptor;
+        let descriptor = sent.and_then(|d| descriptor(place, d, MAX_FEATURE_DESCRIPTOR, out));
         let descriptor = descriptor.map(Arc::new);
         let sigma_px = sigma.unwrap_or(1.0);
         Some(ItemObservation { landmark, pixel, sigma_px, depth: depth.flatten(), descriptor })
@@ -240,26 +241,9 @@ pub(in crate::service) fn depth(
     }
 }
 
-/// The descriptor of a feature.
-pub(in crate::service) fn feature_descriptor(
-    at: Path<'_>,
-    message: v1::Descriptor,
-    out: &mut Violations,
-) -> Option<Descriptor> {
-    descriptor(at, message, MAX_FEATURE_DESCRIPTOR, out)
-}
-
-/// The descriptor of a whole image. What cannot be compared is kept all the same: floats that are none were
-/// taken before they were compared.
-pub(in crate::service) fn image_descriptor(
-    at: Path<'_>,
-    message: v1::Descriptor,
-    out: &mut Violations,
-) -> Option<Descriptor> {
-    descriptor(at, message, MAX_IMAGE_DESCRIPTOR, out)
-}
-
-fn descriptor(
+/// A descriptor of at most `longest` bytes. What cannot be compared is kept all the same: floats that are
+/// none were taken before they were compared.
+pub(in crate::service) fn descriptor(
     at: Path<'_>,
     descriptor: v1::Descriptor,
     longest: usize,

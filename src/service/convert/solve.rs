@@ -285,13 +285,9 @@ pub(in crate::service) fn add_costs(
         .collect();
 }
 
-/// The message of the residuals of one quantity; `before` may have none.
-fn to_residuals(
-    quantity: Quantity,
-    before: &ResidualStatistics,
-    after: &ResidualStatistics,
-) -> v1::ResidualStatistics {
-    let kind = match quantity {
+/// The message's name of a quantity.
+pub(in crate::service) fn to_residual_kind(quantity: Quantity) -> v1::ResidualKind {
+    match quantity {
         Quantity::Pixel => v1::ResidualKind::Pixel,
         Quantity::Depth => v1::ResidualKind::Depth,
         Quantity::RelativeTranslation => v1::ResidualKind::RelativeTranslation,
@@ -299,7 +295,15 @@ fn to_residuals(
         Quantity::PriorTranslation => v1::ResidualKind::PriorTranslation,
         Quantity::PriorRotation => v1::ResidualKind::PriorRotation,
         Quantity::PriorPosition => v1::ResidualKind::PriorPosition,
-    };
+    }
+}
+
+/// The message of the residuals of one quantity; `before` may have none.
+fn to_residuals(
+    quantity: Quantity,
+    before: &ResidualStatistics,
+    after: &ResidualStatistics,
+) -> v1::ResidualStatistics {
     let judgment = match after.judgment() {
         SigmaJudgment::Unknown => v1::SigmaJudgment::Unspecified,
         SigmaJudgment::Plausible => v1::SigmaJudgment::Plausible,
@@ -307,7 +311,7 @@ fn to_residuals(
         SigmaJudgment::TooLarge => v1::SigmaJudgment::TooLarge,
     };
     v1::ResidualStatistics {
-        kind: kind.into(),
+        kind: to_residual_kind(quantity).into(),
         factor_count: count(after.count),
         initial_rms: (before.count > 0).then_some(before.rms),
         final_rms: after.rms,

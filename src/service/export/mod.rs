@@ -21,8 +21,9 @@ use self::colmap::Numbers;
 pub(super) use self::graph::GraphLines;
 use self::parts::{Cursor, Part, PlyPath};
 use super::convert::entities::clients_by_name;
+use super::convert::{Path, Violations, convert};
 use super::error::ServiceError;
-use crate::map::{Map, Reason};
+use crate::map::Map;
 use crate::store::MAP_FILE;
 use crate::wire::v1;
 
@@ -34,7 +35,7 @@ const LANDMARK_COLOR: [u8; 3] = [120, 144, 180];
 /// Color of keyframes.
 const KEYFRAME_COLOR: [u8; 3] = [220, 80, 40];
 
-/// A format that is served.
+/// A format of maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
     /// COLMAP sparse model.
@@ -43,7 +44,7 @@ pub(super) enum Format {
     Tum,
     /// Pose graph.
     G2o,
-    /// Points and trajectories for viewers.
+    /// Points and trajectories for viewers; is not imported.
     Ply,
     /// All of the map.
     Covis,
@@ -51,21 +52,20 @@ pub(super) enum Format {
 
 /// The format of a request.
 pub(super) fn format(value: i32) -> Result<Format, ServiceError> {
-    match v1::MapFormat::try_from(value) {
-        Ok(v1::MapFormat::Unspecified) => {
-            Err(ServiceError::field("format", Reason::Missing, "required"))
-        }
-        Ok(v1::MapFormat::ColmapText) => Ok(Format::Colmap(ColmapEncoding::Text)),
-        Ok(v1::MapFormat::ColmapBinary) => Ok(Format::Colmap(ColmapEncoding::Binary)),
-        Ok(v1::MapFormat::Tum) => Ok(Format::Tum),
-        Ok(v1::MapFormat::G2o) => Ok(Format::G2o),
-        Ok(v1::MapFormat::Ply) => Ok(Format::Ply),
-        Ok(v1::MapFormat::Covis) => Ok(Format::Covis),
-        Err(_unknown) => {
-            let text = format!("unknown value {value}");
-            Err(ServiceError::field("format", Reason::UnknownValue, text))
-        }
-    }
+    Ok(convert(|out| read_format(Path::root("format"), value, out))?)
+}
+
+/// The format that a field names.
+pub(super) fn read_format(at: Path<'_>, value: i32, out: &mut Violations) -> Option<Format> {
+    Some(match out.known(at, value)? {
+        v1::MapFormat::Unspecified => return out.missing(at),
+        v1::MapFormat::ColmapText => Format::Colmap(ColmapEncoding::Text),
+        v1::MapFormat::ColmapBinary => Format::Colmap(ColmapEncoding::Binary),
+        v1::MapFormat::Tum => Format::Tum,
+        v1::MapFormat::G2o => Format::G2o,
+        v1::MapFormat::Ply => Format::Ply,
+        v1::MapFormat::Covis => Format::Covis,
+    })
 }
 
 /// The part of an exported file that is not made yet.

@@ -9,7 +9,6 @@
 mod models;
 mod upload;
 
-use covis_solvers::io::colmap::ColmapEncoding;
 use tonic::Streaming;
 
 use self::upload::{Import, Pipe, files, one_file, pipe};
@@ -19,25 +18,13 @@ use super::convert::map::{ServerLimits, display_name, policy, to_limits, to_map,
 use super::convert::{Path, convert, ids};
 use super::engine::{EngineError, ImportRoom, ImportedAs};
 use super::error::ServiceError;
+use super::export::{Format, read_format};
 use crate::map::{Map, MapPolicy, Reason};
 use crate::store::{MapFileError, read_map_file};
 use crate::wire::v1;
 
 /// The owner of what is imported from a format without clients.
 const DEFAULT_CLIENT: &str = "import";
-
-/// A format that is imported.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
-    /// covis' own.
-    Covis,
-    /// COLMAP sparse model.
-    Colmap(ColmapEncoding),
-    /// TUM trajectories, one per client.
-    Tum,
-    /// Pose graph.
-    G2o,
-}
 
 /// What an import makes.
 struct Header {
@@ -75,7 +62,7 @@ pub(super) async fn import(
             }
             (content, room, ImportedAs { policy: Some(policy), ..imported })
         }
-        Format::Colmap(_) | Format::Tum | Format::G2o => {
+        Format::Colmap(_) | Format::Tum | Format::G2o | Format::Ply => {
             let (files, room) = files(&mut upload, room).await?;
             let policy = match imported.policy {
                 Some(policy) => policy,
@@ -107,17 +94,11 @@ fn header(
             client => ids::name(Path::root("client_id"), client, out),
         };
         let at = Path::root("format");
-        let format = match out.known(at, message.format) {
-            Some(v1::MapFormat::Unspecified) => out.missing(at),
-            Some(v1::MapFormat::ColmapText) => Some(Format::Colmap(ColmapEncoding::Text)),
-            Some(v1::MapFormat::ColmapBinary) => Some(Format::Colmap(ColmapEncoding::Binary)),
-            Some(v1::MapFormat::Tum) => Some(Format::Tum),
-            Some(v1::MapFormat::G2o) => Some(Format::G2o),
-            Some(v1::MapFormat::Covis) => Some(Format::Covis),
-            Some(v1::MapFormat::Ply) => {
+        let format = match read_format(at, message.format, out) {
+            Some(Format::Ply) => {
                 out.report(at, Reason::OutOfRange, "PLY holds points only and is not imported")
             }
-            None => None,
+            format => format,
         };
         let (map_id, display_name) = (map_id?, Some(name?).filter(|name| !name.is_empty()));
         Some(Header {

@@ -15,7 +15,7 @@ use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::io::natural_cmp;
 use covis_solvers::io::trajectory::Trajectory;
 
-use super::{File, Format};
+use super::File;
 use crate::map::{
     Change, ClientIndex, ConstraintKind, EntityRef, Event, Item, ItemLandmark, ItemObservation,
     Map, MapError, MapPolicy, Reason, Usage,
@@ -23,6 +23,7 @@ use crate::map::{
 use crate::service::convert::ids;
 use crate::service::engine::ImportRoom;
 use crate::service::error::ServiceError;
+use crate::service::export::Format;
 
 /// Standard deviation of a pixel coordinate where a format has none, px.
 const SIGMA_PX: f64 = 1.0;
@@ -47,8 +48,8 @@ pub(super) fn build(
         Format::Colmap(encoding) => colmap(&mut building, encoding, files, client)?,
         Format::G2o => g2o(&mut building, files, client)?,
         Format::Tum => tum(&mut building, files, client)?,
-        // Read while it comes.
-        Format::Covis => return Err(refused("a file of covis is not made of items")),
+        // The first is read while it comes, the second is refused before.
+        Format::Covis | Format::Ply => return Err(refused("this format is not made of items")),
     }
     Ok((building.map, building.room))
 }

@@ -56,8 +56,13 @@ enum SolvedMap {
 /// What is said where the certificate of a solve is lost.
 const LOST: &str = "applied before the server ended; of its certificate only the costs are kept";
 
-/// The certificate of a solve that an earlier attempt applied, and its report.
-fn lost(map_id: &str, applied: &LastRequest) -> (v1::SolveSummary, serde_json::Value) {
+/// What a solve made that an earlier attempt applied; `result` makes its result of the map's revision and
+/// the certificate.
+fn lost(
+    map_id: &str,
+    applied: &LastRequest,
+    result: impl FnOnce(i64, Option<v1::SolveSummary>) -> Kind,
+) -> Made {
     let LastRequest { revision, initial_cost, final_cost, .. } = *applied;
     let description = LOST.to_owned();
     let summary = v1::SolveSummary { initial_cost, final_cost, description, ..Default::default() };
@@ -68,7 +73,8 @@ fn lost(map_id: &str, applied: &LastRequest) -> (v1::SolveSummary, serde_json::V
         "final_cost": final_cost,
         "note": LOST,
     });
-    (summary, report)
+    let costs = Some((initial_cost, final_cost));
+    Made { result: result(revision, Some(summary)), costs, report }
 }
 
 /// Solves a map as soon as no call does, once for each job; `on_step` sees its steps.
@@ -134,14 +140,9 @@ pub(super) async fn optimize(
     let outcome = match solved(run, (&map_id, options), "optimizes the map", on_step).await? {
         SolvedMap::Now(outcome) => outcome,
         SolvedMap::Before(applied) => {
-            let (summary, report) = lost(&map_id, &applied);
-            let result = v1::OptimizeMapResult {
-                revision: applied.revision,
-                summary: Some(summary),
-                ..v1::OptimizeMapResult::default()
-            };
-            let costs = Some((applied.initial_cost, applied.final_cost));
-            return Ok(Made { result: Kind::OptimizeMap(result), costs, report });
+            return Ok(lost(&map_id, &applied, |revision, summary| {
+                Kind::OptimizeMap(v1::OptimizeMapResult { revision, summary, ..Default::default() })
+            }));
         }
     };
     let result = to_result(&outcome);
@@ -172,14 +173,9 @@ pub(super) async fn rebuild(run: &Run<'_>, map_id: &str) -> Result<Made, Service
     let outcome = match solved(run, (map_id, options), "rebuilds the map", on_step).await? {
         SolvedMap::Now(outcome) => outcome,
         SolvedMap::Before(applied) => {
-            let (summary, report) = lost(map_id, &applied);
-            let result = v1::ReconstructResult {
-                revision: applied.revision,
-                summary: Some(summary),
-                ..v1::ReconstructResult::default()
-            };
-            let costs = Some((applied.initial_cost, applied.final_cost));
-            return Ok(Made { result: Kind::Reconstruct(result), costs, report });
+            return Ok(lost(map_id, &applied, |revision, summary| {
+                Kind::Reconstruct(v1::ReconstructResult { revision, summary, ..Default::default() })
+            }));
         }
     };
     let summary = to_certificate(&outcome.certificate);

@@ -3,9 +3,11 @@
 //! The keys of a solve are those of `covis solve --json`; numbers have all their digits. Nothing is
 //! computed here.
 
+use covis_solvers::evaluation::Quantity;
 use covis_solvers::reconstruction::Scale;
 use serde_json::{Value, json};
 
+use crate::service::convert::solve::to_residual_kind;
 use crate::wire::v1;
 
 /// Microseconds in a second.
@@ -83,16 +85,9 @@ fn row(row: &v1::IterationSummary) -> Value {
 }
 
 fn residual(residual: &v1::ResidualStatistics) -> Value {
-    let (name, unit) = match residual.kind() {
-        v1::ResidualKind::Unspecified => ("unknown", ""),
-        v1::ResidualKind::Pixel => ("pixel", "px"),
-        v1::ResidualKind::Depth => ("depth", "m"),
-        v1::ResidualKind::RelativeTranslation => ("relative translation", "m"),
-        v1::ResidualKind::RelativeRotation => ("relative rotation", "rad"),
-        v1::ResidualKind::PriorTranslation => ("prior translation", "m"),
-        v1::ResidualKind::PriorRotation => ("prior rotation", "rad"),
-        v1::ResidualKind::PriorPosition => ("prior position", "m"),
-    };
+    let is_its = |quantity: &Quantity| to_residual_kind(*quantity) == residual.kind();
+    let quantity = Quantity::ALL.into_iter().find(is_its);
+    let (name, unit) = quantity.map_or(("unknown", ""), |of| (of.name(), of.unit()));
     json!({
         "quantity": name,
         "unit": unit,

@@ -16,20 +16,15 @@ use crate::wire::v1;
 pub(in crate::service) fn constraint_pages(
     request: &v1::ListConstraintsRequest,
     out: &mut Violations,
-) -> Option<ConstraintPages> {
-    let list = PagedList::of_map("ListConstraints", &request.map_id);
-    let pages = Pages::of(list, request.page_size, &request.page_token, out)?;
-    Some(ConstraintPages(pages))
+) -> Option<Pages> {
+    let list = PagedList::new("ListConstraints", &request.map_id);
+    Pages::of(list, request.page_size, &request.page_token, out)
 }
-
-/// The options of `ListConstraints`.
-#[derive(Clone, Debug)]
-pub(in crate::service) struct ConstraintPages(Pages);
 
 /// Streams the constraints by client name, then id.
 pub(in crate::service) async fn constraints(
     map: &Map,
-    ConstraintPages(pages): &ConstraintPages,
+    pages: &Pages,
     sink: &Sink<v1::ListConstraintsResponse>,
 ) -> Result<(), ServiceError> {
     let mut pager = Pager::new(map.revision(), pages, sink);

@@ -1,22 +1,22 @@
-//! Pages of `JobService`, pages and streams of `MapService`: jobs, maps, trajectories, landmarks, keyframes, constraints, searches
-//! for places.
+//! Pages of `JobService`, pages and streams of `MapService`: jobs, maps, trajectories, landmarks,
+//! keyframes, constraints, searches for places.
 //!
 //! A page token names the last entry of its page, so that a later call continues after it whatever
 //! has changed since. A token is valid only for the list that it was made for. Streams send about 1
-//! MiB per message. `pager.rs` cuts a stream into messages; each list of entities has a file. Nothing
-//! here changes a map.
+//! MiB per message. `pager.rs` cuts a stream into messages, `mask.rs` leaves out fields; longer lists
+//! have a file. Nothing here changes a map.
 
 mod constraints;
 mod keyframes;
 mod landmarks;
+mod mask;
 mod pager;
-mod place_searches;
 
 use prost::Message;
 use sha2::{Digest as _, Sha256};
 
 use super::context::Sink;
-use super::convert::entities::{clients_by_name, to_keyframe_pose};
+use super::convert::entities::{clients_by_name, to_keyframe_pose, to_place_search};
 use super::convert::{Path, Violations, convert};
 use super::error::ServiceError;
 use crate::map::{ClientIndex, Map, Reason};
@@ -25,7 +25,7 @@ use crate::wire::v1;
 pub(super) use constraints::{constraint_pages, constraints};
 pub(super) use keyframes::{keyframe_pages, keyframes};
 pub(super) use landmarks::{landmark_pages, landmarks};
-pub(super) use place_searches::{place_search_pages, place_searches};
+use pager::{Pager, Pages};
 
 /// Size at which a streamed message is cut, bytes.
 pub(super) const MESSAGE_BYTES: usize = 1 << 20;
@@ -44,19 +44,9 @@ pub(super) struct PagedList {
 }
 
 impl PagedList {
-    /// The maps of a tenant.
-    pub(super) fn maps(tenant: &str) -> Self {
-        Self { call: "ListMaps", owner: tenant.to_owned() }
-    }
-
-    /// The jobs of a tenant that fit a filter.
-    pub(super) fn jobs(tenant: &str, filter: &str) -> Self {
-        Self { call: "ListJobs", owner: format!("{tenant}/{filter}") }
-    }
-
-    /// A list of entities of a map.
-    fn of_map(call: &'static str, map_id: &str) -> Self {
-        Self { call, owner: map_id.to_owned() }
+    /// The answers of `call`; `owner` tells one list of that call from another.
+    pub(super) fn new(call: &'static str, owner: impl Into<String>) -> Self {
+        Self { call, owner: owner.into() }
     }
 
     /// The token of the page after the entry that `last` names.
@@ -132,4 +122,28 @@ pub(super) async fn trajectory(
         sink.send(message).await?;
     }
     Ok(())
+}
+
+/// Reads the paging fields of a request.
+pub(super) fn place_search_pages(
+    request: &v1::ListPlaceSearchesRequest,
+    out: &mut Violations,
+) -> Option<Pages> {
+    let list = PagedList::new("ListPlaceSearches", &request.map_id);
+    Pages::of(list, request.page_size, &request.page_token, out)
+}
+
+/// Streams the searches for known places by client name, then keyframe.
+pub(super) async fn place_searches(
+    map: &Map,
+    pages: &Pages,
+    sink: &Sink<v1::ListPlaceSearchesResponse>,
+) -> Result<(), ServiceError> {
+    let mut pager = Pager::new(map.revision(), pages, sink);
+    for range in pages.ranges(map) {
+        for (&id, search) in map.place_searches().done.range(range.ids.clone()) {
+            pager.push(to_place_search(map, id, search), range.place(id, None)).await?;
+        }
+    }
+    pager.finish().await
 }

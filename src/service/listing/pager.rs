@@ -50,7 +50,7 @@ impl Place {
 
 /// The paging fields of a request.
 #[derive(Clone, Debug)]
-pub(super) struct Pages {
+pub(in crate::service) struct Pages {
     /// Entries in a message; `None` for as many as fit.
     size: Option<usize>,
     /// Continues after this entry.

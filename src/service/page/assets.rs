@@ -3,18 +3,14 @@
 //!
 //! Each file is answered with headers that let a browser run the page's own script and nothing else.
 
-use std::convert::Infallible;
-use std::future::{Ready, ready};
 use std::io::Write;
 use std::sync::LazyLock;
-use std::task::{Context, Poll};
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use http_body_util::Full;
 use hyper::body::Bytes;
 use tonic::body::Body;
-use tonic::codegen::Service;
 use tonic::codegen::http::header::{
     ACCEPT_ENCODING, ALLOW, CACHE_CONTROL, CONTENT_ENCODING, CONTENT_SECURITY_POLICY, CONTENT_TYPE,
     HeaderName, REFERRER_POLICY, VARY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
@@ -73,33 +69,16 @@ static FILES: LazyLock<[Asset; 5]> = LazyLock::new(|| {
 });
 
 /// Answers requests for files; everything that no service takes comes here.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Assets;
-
-impl Service<Request<Body>> for Assets {
-    type Response = Response<Body>;
-    type Error = Infallible;
-    type Future = Ready<Result<Response<Body>, Infallible>>;
-
-    fn poll_ready(&mut self, _cx: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
-        Poll::Ready(Ok(()))
-    }
-
-    fn call(&mut self, request: Request<Body>) -> Self::Future {
-        ready(Ok(answer(request.method(), request.uri().path(), request.headers())))
-    }
-}
-
-fn answer(method: &Method, path: &str, headers: &HeaderMap) -> Response<Body> {
-    let Some(file) = FILES.iter().find(|file| file.path == path) else {
+pub(super) fn answer(request: &Request<Body>) -> Response<Body> {
+    let Some(file) = FILES.iter().find(|file| file.path == request.uri().path()) else {
         return text(StatusCode::NOT_FOUND, "there is no such file; the page is at /\n");
     };
-    if ![Method::GET, Method::HEAD].contains(method) {
+    if ![Method::GET, Method::HEAD].contains(request.method()) {
         let mut response = text(StatusCode::METHOD_NOT_ALLOWED, "GET and HEAD only\n");
         response.headers_mut().insert(ALLOW, HeaderValue::from_static("GET, HEAD"));
         return response;
     }
-    let takes_gzip = headers.get(ACCEPT_ENCODING).and_then(|value| value.to_str().ok());
+    let takes_gzip = request.headers().get(ACCEPT_ENCODING).and_then(|value| value.to_str().ok());
     let takes_gzip = takes_gzip.is_some_and(|names| names.contains("gzip"));
     let is_gzip = takes_gzip && !file.gzip.is_empty();
     let bytes = if is_gzip { &file.gzip } else { &file.bytes };

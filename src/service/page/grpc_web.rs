@@ -9,7 +9,7 @@ use std::future::{Ready, ready as ready_now};
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 
-use futures_util::future::Either;
+use futures_util::future::{Either, MapOk, TryFutureExt};
 use hyper::body::{Body as HttpBody, Bytes, Frame};
 use tonic::Status;
 use tonic::body::Body;
@@ -39,7 +39,7 @@ where
 {
     type Response = Response<Body>;
     type Error = Infallible;
-    type Future = Either<Ready<Result<Response<Body>, Infallible>>, Translated<S::Future>>;
+    type Future = Either<Ready<Result<Response<Body>, Infallible>>, MapOk<S::Future, Translate>>;
 
     fn poll_ready(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
         self.0.poll_ready(cx)
@@ -59,25 +59,17 @@ where
         headers.remove(CONTENT_LENGTH);
         headers.insert(CONTENT_TYPE, GRPC);
         headers.insert(TE, HeaderValue::from_static("trailers"));
-        Either::Right(Translated(Box::pin(self.0.call(request))))
+        Either::Right(self.0.call(request).map_ok(translated as Translate))
     }
 }
 
-/// An answer of gRPC that becomes one of gRPC-Web.
-pub(super) struct Translated<F>(Pin<Box<F>>);
+type Translate = fn(Response<Body>) -> Response<Body>;
 
-impl<F> Future for Translated<F>
-where
-    F: Future<Output = Result<Response<Body>, Infallible>>,
-{
-    type Output = F::Output;
-
-    fn poll(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Self::Output> {
-        let Ok(response) = ready!(self.0.as_mut().poll(cx));
-        let mut response = response.map(|body| Body::new(Framed(body)));
-        response.headers_mut().insert(CONTENT_TYPE, GRPC_WEB);
-        Poll::Ready(Ok(response))
-    }
+/// An answer of gRPC as one of gRPC-Web.
+fn translated(response: Response<Body>) -> Response<Body> {
+    let mut response = response.map(|body| Body::new(Framed(body)));
+    response.headers_mut().insert(CONTENT_TYPE, GRPC_WEB);
+    response
 }
 
 /// A body whose trailers are its last frame of data.

@@ -16,6 +16,8 @@ mod grpc_web;
 mod hosts;
 
 use std::convert::Infallible;
+use std::future::{Ready, ready};
+use std::task::{Context, Poll};
 
 use tonic::body::Body;
 use tonic::codegen::Service;
@@ -23,10 +25,27 @@ use tonic::codegen::http::{Request, Response};
 use tonic::server::NamedService;
 use tonic::service::Routes;
 
-use assets::Assets;
 use grpc_web::GrpcWeb;
 pub(super) use hosts::Hosts;
 use hosts::SameSite;
+
+/// A service that answers each request at once, by a function.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Answering<F>(pub(super) F);
+
+impl<F: Fn(&Request<Body>) -> Response<Body>> Service<Request<Body>> for Answering<F> {
+    type Response = Response<Body>;
+    type Error = Infallible;
+    type Future = Ready<Result<Response<Body>, Infallible>>;
+
+    fn poll_ready(&mut self, _cx: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn call(&mut self, request: Request<Body>) -> Self::Future {
+        ready(Ok((self.0)(&request)))
+    }
+}
 
 /// The routes of the page's listener.
 pub(super) struct PageRoutes {
@@ -46,7 +65,7 @@ impl PageRoutes {
         let router = routes.axum_router_mut();
         *router = std::mem::take(router)
             .route_service("/metrics", SameSite::new(metrics, hosts))
-            .fallback_service(SameSite::new(Assets, hosts));
+            .fallback_service(SameSite::new(Answering(assets::answer), hosts));
         Self { hosts, routes }
     }
 

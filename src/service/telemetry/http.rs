@@ -2,13 +2,11 @@
 //!
 //! One answer per connection, few connections at once, and little time and memory for a request. If
 //! there are too many, a new connection replaces the oldest, so that nobody keeps a scraper out.
-//! The listener reads atomics and never waits for an engine. [`MetricsService`] is the same page for
-//! another listener.
+//! The listener reads atomics and never waits for an engine. [`respond`] is the same page for another
+//! listener.
 
 use std::convert::Infallible;
-use std::future::{Ready, ready};
 use std::sync::Arc;
-use std::task::{self, Poll};
 use std::time::Duration;
 
 use hyper::header::{ALLOW, CONTENT_TYPE};
@@ -18,8 +16,6 @@ use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
-use tonic::body::Body;
-use tonic::codegen::Service;
 
 use super::{page, text};
 use crate::service::connections::{ConnectionLimits, Connections};
@@ -84,34 +80,8 @@ async fn answer(stream: TcpStream, context: Arc<Context>) {
     }
 }
 
-/// The same page as a service.
-#[derive(Clone, Debug)]
-pub(in crate::service) struct MetricsService {
-    context: Arc<Context>,
-}
-
-impl MetricsService {
-    /// The page of the server with this context.
-    pub(in crate::service) fn new(context: &Arc<Context>) -> Self {
-        Self { context: Arc::clone(context) }
-    }
-}
-
-impl Service<Request<Body>> for MetricsService {
-    type Response = Response<Body>;
-    type Error = Infallible;
-    type Future = Ready<Result<Response<Body>, Infallible>>;
-
-    fn poll_ready(&mut self, _cx: &mut task::Context<'_>) -> Poll<Result<(), Infallible>> {
-        Poll::Ready(Ok(()))
-    }
-
-    fn call(&mut self, request: Request<Body>) -> Self::Future {
-        ready(Ok(respond(&request, &self.context).map(Body::new)))
-    }
-}
-
-fn respond<B>(request: &Request<B>, context: &Context) -> Response<String> {
+/// Answers a request for the page.
+pub(in crate::service) fn respond<B>(request: &Request<B>, context: &Context) -> Response<String> {
     let plain = |status, text: &str| {
         let mut response = Response::new(text.to_owned());
         *response.status_mut() = status;

@@ -27,7 +27,7 @@ use crate::store::StoreMeters;
 use calls::CallMeters;
 
 pub(super) use calls::Metered;
-pub(super) use http::{MetricsService, serve};
+pub(super) use http::{respond, serve};
 pub(super) use page::page;
 pub(super) use process::max_open_files;
 

@@ -5,7 +5,7 @@
 
 use super::super::block::{Block, BlockKey, VOXELS};
 use super::super::navigation::{NavigationOptions, distance_slice, occupancy_grid};
-use super::super::surface::{SurfaceOptions, extract};
+use super::super::surface::extract;
 use super::{BYTES_A_BLOCK, Bytes, CHUNK_HEAD, HEADER, PagedVolume, Volume, VolumeOptions};
 use super::{decode, encode, u32_at};
 
@@ -31,7 +31,7 @@ fn judge(bytes: &[u8]) {
             && sizes(again) == sizes(&volume)
     };
     assert!(again.as_ref().is_ok_and(is_same), "what is written is read as another volume");
-    let mesh = extract(&volume, SurfaceOptions::default());
+    let mesh = extract(&mut volume.clone().into()).unwrap_or_default();
     let vertices = mesh.positions.len();
     let corners = mesh.triangles.as_flattened();
     assert!(corners.iter().all(|&corner| (corner as usize) < vertices), "a corner without vertex");

@@ -3,7 +3,7 @@
 //! Frames move with their keyframes. When keyframes are corrected, a second volume is built from the
 //! log of frames at the current poses, a few frames with each new one. Once it has caught up, it
 //! replaces the first volume. The result is, to the bit, that of integrating at the corrected poses
-//! from the start, the dynamic update included. Independent of the server and of threads.
+//! from the start, voxels that are freed included. Independent of the server and of threads.
 
 #[cfg(test)]
 mod tests;

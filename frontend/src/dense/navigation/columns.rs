@@ -10,7 +10,7 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::super::block::{Block, BlockKey, DISTANCE_ONE, EDGE, WEIGHT_ONE};
+use super::super::block::{Block, BlockKey, DISTANCE_ONE, EDGE, LEAST_WEIGHT};
 use super::super::paged::PagedVolume;
 use super::super::pages::PageError;
 use super::super::volume::Volume;
@@ -66,7 +66,6 @@ pub(super) struct Columns {
     pub(super) ground: Ground,
     /// Heights of samples in resolutions: first and last.
     heights: [i64; 2],
-    least_weight: f32,
     /// Stored distance up to which a voxel is surface.
     thickness: f32,
 }
@@ -107,12 +106,7 @@ impl Columns {
         let last = (highest / resolution_m + 1e-6).floor().min(high[2]);
         let truncation_m = volume.options().truncation_m;
         let thickness = 0.75_f32.sqrt() * volume.options().voxel_m / truncation_m * DISTANCE_ONE;
-        Ok(Self {
-            ground,
-            heights: [first as i64, last as i64],
-            least_weight: (options.least_weight * f32::from(WEIGHT_ONE)).max(1.0),
-            thickness,
-        })
+        Ok(Self { ground, heights: [first as i64, last as i64], thickness })
     }
 
     /// One value per cell, folded over the places above it at each height (in resolutions), lowest
@@ -202,7 +196,7 @@ impl Standing<'_> {
         let [x, y, z] = [voxel.x, voxel.y, voxel.z].map(|v| v.rem_euclid(EDGE as i64) as usize);
         let at = Block::index(x, y, z);
         let distance = f32::from(block.distances[at]);
-        if f32::from(block.weights[at]) < self.columns.least_weight {
+        if block.weights[at] < LEAST_WEIGHT {
             Place::Unseen
         } else if distance.abs() <= self.columns.thickness {
             Place::Surface

@@ -18,7 +18,6 @@ use rayon::prelude::*;
 
 use super::paged::PagedVolume;
 use super::pages::PageError;
-use super::surface::SurfaceOptions;
 pub use columns::Ground;
 use columns::{Columns, Place};
 
@@ -29,15 +28,12 @@ pub struct NavigationOptions {
     pub up: Vector3<f64>,
     /// Heights between which a surface is an obstacle, meters along up from the volume's origin.
     pub heights_m: [f64; 2],
-    /// Least weight of a voxel that counts, in weights of one observation.
-    pub least_weight: f32,
 }
 
 impl Default for NavigationOptions {
     /// Up is opposite to y, as if the first camera was held level; 1.4 m below it to 0.4 m above.
     fn default() -> Self {
-        let SurfaceOptions { least_weight } = SurfaceOptions::default();
-        Self { up: -Vector3::y(), heights_m: [-1.4, 0.4], least_weight }
+        Self { up: -Vector3::y(), heights_m: [-1.4, 0.4] }
     }
 }
 

@@ -24,11 +24,8 @@ fn seen_room() -> PagedVolume {
     volume(GRID, [-4, -3, -5], [3, 3, 4], room).into()
 }
 
-const HEIGHTS: NavigationOptions = NavigationOptions {
-    up: Vector3::new(0.0, -1.0, 0.0),
-    heights_m: [-0.8, 0.2],
-    least_weight: 1.0,
-};
+const HEIGHTS: NavigationOptions =
+    NavigationOptions { up: Vector3::new(0.0, -1.0, 0.0), heights_m: [-0.8, 0.2] };
 
 /// The cell at a place on the ground.
 fn cell_at(ground: &Ground, x: f64, y: f64) -> usize {

@@ -4,7 +4,7 @@
 //! neighbors, 10³ voxels: bit x + 10 y of plane z, where the block's own begin at (1, 1, 1).
 //! Independent of triangles.
 
-use super::super::block::{Block, EDGE, VOXELS, WEIGHT_ONE};
+use super::super::block::{Block, EDGE, LEAST_WEIGHT, VOXELS};
 
 /// A voxel next to a surface lies within √3 voxels of it, less than this where the truncation is three
 /// voxels or more. A farther voxel, next to one of the other sign, lies at a silhouette, between free
@@ -27,14 +27,14 @@ pub(super) struct Bits {
 }
 
 impl Bits {
-    /// The bits of a block, with the weight from which on a voxel counts.
-    pub(super) fn of(block: &Block, least_weight: u16) -> Self {
+    /// The bits of a block.
+    pub(super) fn of(block: &Block) -> Self {
         // One byte per voxel, all ones or all zeros, so that the compiler vectorizes these loops.
         let mut seen = [0_u8; VOXELS];
         let voxels = block.weights.iter().zip(&block.distances);
         for (byte, (&weight, &distance)) in seen.iter_mut().zip(voxels) {
             let is_near = (distance < STEEP) & (distance > -STEEP);
-            *byte = u8::from((weight >= least_weight) & is_near).wrapping_neg();
+            *byte = u8::from((weight >= LEAST_WEIGHT) & is_near).wrapping_neg();
         }
         let mut inside = [0_u8; VOXELS];
         for (byte, &distance) in inside.iter_mut().zip(&block.distances) {
@@ -55,11 +55,6 @@ impl Bits {
         let behind = self.inside.iter().any(|&inside| inside != 0);
         u8::from(front) | u8::from(behind) << 1
     }
-}
-
-/// A weight in observations as the least stored one that counts; a voxel without weight never does.
-pub(super) fn stored_weight(weight: f32) -> u16 {
-    ((weight * f32::from(WEIGHT_ONE)).ceil() as u16).max(1)
 }
 
 /// The lowest bit of each byte.
@@ -187,13 +182,13 @@ mod tests {
         let mut block = Block::EMPTY;
         for i in 0..VOXELS {
             block.distances[i] = noise(i) as i16;
-            block.weights[i] = (noise(i + VOXELS) % 600) as u16;
+            block.weights[i] = (noise(i + VOXELS) % 7) as u16;
         }
-        let bits = Bits::of(&block, 256);
+        let bits = Bits::of(&block);
         for i in 0..VOXELS {
             let (z, bit) = (i / 64, i % 64);
             let is_near = i32::from(block.distances[i]).abs() < i32::from(STEEP);
-            let is_seen = block.weights[i] >= 256 && is_near;
+            let is_seen = block.weights[i] >= 3 && is_near;
             assert_eq!(bits.seen[z] >> bit & 1 == 1, is_seen, "voxel {i}");
             assert_eq!(bits.inside[z] >> bit & 1 == 1, is_seen && block.distances[i] < 0);
         }

@@ -15,9 +15,9 @@ use super::super::page_cache::Region;
 use super::super::paged::PagedVolume;
 use super::super::pages::PageError;
 use super::super::volume::{KeyHashes, Volume};
-use super::bits::{Bits, FieldBits, borders, stored_weight};
+use super::bits::{Bits, FieldBits, borders};
 use super::piece::{MIDDLE, Piece, Source, ones};
-use super::{Mesh, SurfaceOptions, join};
+use super::{Mesh, join};
 
 /// No slot, or no place.
 const NONE: u32 = u32::MAX;
@@ -33,7 +33,6 @@ const REGIONS_AT_A_TIME: usize = 32;
 /// The surface of a volume, kept up to date.
 #[derive(Clone, Debug, Default)]
 pub struct SurfaceCache {
-    least_weight: u16,
     places: HashMap<BlockKey, u32, KeyHashes>,
     /// Places without a block.
     vacant: Vec<usize>,
@@ -64,38 +63,16 @@ pub struct SurfaceCache {
 }
 
 impl SurfaceCache {
-    /// An empty one.
-    #[must_use]
-    pub fn new(options: SurfaceOptions) -> Self {
-        Self { least_weight: stored_weight(options.least_weight), ..Self::default() }
-    }
-
-    /// Follows a volume, always the same one. Returns how many pieces were rebuilt.
-    pub fn update(&mut self, volume: &Volume) -> usize {
-        self.update_oldest(volume, usize::MAX)
-    }
-
-    /// As [`SurfaceCache::update`], in a bounded time: at most `most` outdated pieces are rebuilt, the
-    /// oldest first. Later updates rebuild the others; until then the surface may have cracks where old
-    /// and new pieces meet.
-    pub fn update_oldest(&mut self, volume: &Volume, most: usize) -> usize {
-        self.look_at(volume, |_| false);
-        let old = self.oldest(most);
-        self.make(volume, old)
-    }
-
-    /// As [`SurfaceCache::update_oldest`] for a volume that may be partly on disk. Blocks that changed
-    /// since the last update, and those that outdated pieces read, are read from disk step by step;
-    /// after a frame these are few or none. Pieces, and 300 bytes of each block, stay in memory.
+    /// Follows a volume, always the same one. Returns how many pieces were rebuilt: at most `most` of the
+    /// outdated ones, the oldest first. Later updates rebuild the others; until then the surface may have
+    /// cracks where old and new pieces meet. Blocks that changed since the last update, and those that
+    /// outdated pieces read, are read from disk step by step; after a frame these are few or none. Pieces,
+    /// and 300 bytes of each block, stay in memory.
     ///
     /// # Errors
     /// Blocks cannot be read from disk, or others have no room there. What was not processed or rebuilt
     /// stays outdated then.
-    pub fn update_paged(
-        &mut self,
-        volume: &mut PagedVolume,
-        most: usize,
-    ) -> Result<usize, PageError> {
+    pub fn update(&mut self, volume: &mut PagedVolume, most: usize) -> Result<usize, PageError> {
         self.look_at_paged(volume);
         let changed = volume.on_disk_since(self.looked);
         for regions in changed.chunks(REGIONS_AT_A_TIME) {
@@ -199,12 +176,6 @@ impl SurfaceCache {
                 self.read_by[neighbor as usize] ^= 1 << (26 - k);
             }
         }
-    }
-
-    /// Whether an update left outdated pieces for later.
-    #[must_use]
-    pub fn is_behind(&self) -> bool {
-        !self.old.is_empty()
     }
 
     /// For how many updates the oldest piece has been outdated; 0 where none is.
@@ -329,7 +300,7 @@ impl SurfaceCache {
         let tasks = old.par_iter().with_min_len(BLOCKS_A_TASK);
         let looked: Vec<_> = tasks
             .map(|&(slot, place)| {
-                let bits = Bits::of(&blocks[slot], self.least_weight);
+                let bits = Bits::of(&blocks[slot]);
                 let turned = match self.revisions[place] {
                     NEVER => ALL,
                     _ => borders(&bits.difference(&self.bits[place])),

@@ -24,31 +24,8 @@ use rayon::prelude::*;
 
 use super::paged::PagedVolume;
 use super::pages::PageError;
-use super::volume::Volume;
 pub use cache::SurfaceCache;
 use piece::Piece;
-
-/// Which voxels count as surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfaceOptions {
-    /// Least weight of each of a cell's eight voxels, in weights of one observation.
-    pub least_weight: f32,
-}
-
-impl Default for SurfaceOptions {
-    /// Three frames, also at the largest depth in use: there one has 1/256 of its weight at a meter.
-    fn default() -> Self {
-        Self { least_weight: 3.0 / 256.0 }
-    }
-}
-
-/// The surface of a whole volume in memory.
-#[must_use]
-pub fn extract(volume: &Volume, options: SurfaceOptions) -> Mesh {
-    let mut cache = SurfaceCache::new(options);
-    cache.update(volume);
-    cache.mesh()
-}
 
 /// The surface of a volume that may be partly on disk, region by region. The whole mesh, its pieces and
 /// 300 bytes per block are in memory. Blocks in memory stay below the volume's ceiling, unless a single
@@ -56,9 +33,9 @@ pub fn extract(volume: &Volume, options: SurfaceOptions) -> Mesh {
 ///
 /// # Errors
 /// Blocks cannot be read from disk, or others have no room there.
-pub fn extract_paged(volume: &mut PagedVolume, options: SurfaceOptions) -> Result<Mesh, PageError> {
-    let mut cache = SurfaceCache::new(options);
-    cache.update_paged(volume, usize::MAX)?;
+pub fn extract(volume: &mut PagedVolume) -> Result<Mesh, PageError> {
+    let mut cache = SurfaceCache::default();
+    cache.update(volume, usize::MAX)?;
     Ok(cache.mesh())
 }
 

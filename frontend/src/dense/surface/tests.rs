@@ -4,8 +4,14 @@ use std::collections::HashMap;
 
 use super::super::block::{Block, BlockKey};
 use super::super::testing::{CENTIMETER, Shown, block, noise, sphere, volume};
+use super::super::tests::extract;
 use super::super::volume::Volume;
-use super::{Mesh, SurfaceCache, SurfaceOptions, extract};
+use super::{Mesh, SurfaceCache};
+
+/// Follows a volume in memory.
+fn update(cache: &mut SurfaceCache, volume: &Volume, most: usize) -> usize {
+    cache.update(&mut volume.clone().into(), most).unwrap()
+}
 
 /// How often each directed edge is used more than its reverse.
 fn open_edges(mesh: &Mesh) -> Vec<[u32; 2]> {
@@ -48,7 +54,7 @@ fn ball(radius: f32) -> impl Fn([f32; 3]) -> Shown {
 
 #[test]
 fn a_ball_is_a_closed_surface_in_its_place() {
-    let mesh = extract(&volume(CENTIMETER, [-3; 3], [2; 3], ball(0.17)), SurfaceOptions::default());
+    let mesh = extract(&volume(CENTIMETER, [-3; 3], [2; 3], ball(0.17)));
     assert!(mesh.triangles.len() > 5_000);
     assert_eq!(open_edges(&mesh), [[0; 2]; 0]);
     let euler = mesh.positions.len() + mesh.triangles.len() - edges(&mesh);
@@ -88,7 +94,7 @@ fn any_signs_give_a_surface_that_is_open_at_the_end_of_sight_only() {
         let [x, y, z] = [i % 3, i / 3 % 3, i / 9].map(|k| k as i32 - 1);
         grid.insert(BlockKey { x, y, z }, block);
     }
-    let mesh = extract(&grid, SurfaceOptions::default());
+    let mesh = extract(&grid);
     assert!(mesh.triangles.len() > 10_000);
     let (lowest, highest) = (-0.08, 0.15);
     for edge in open_edges(&mesh) {
@@ -109,12 +115,12 @@ fn any_signs_give_a_surface_that_is_open_at_the_end_of_sight_only() {
 fn nothing_is_made_of_what_was_not_seen() {
     let half = |p: [f32; 3]| (p[0] < 0.055).then(|| (sphere(p, [0.0; 3], 0.1), 1.0, [0; 3]));
     let grid = volume(CENTIMETER, [-2; 3], [1; 3], half);
-    let mesh = extract(&grid, SurfaceOptions::default());
+    let mesh = extract(&grid);
     let farthest = mesh.positions.iter().map(|p| p[0]).fold(f32::MIN, f32::max);
     assert!((farthest - 0.05).abs() < 1e-6, "the last voxel seen is at 0.05, not {farthest}");
-    let more = SurfaceOptions { least_weight: 1.01 };
-    assert_eq!(extract(&grid, more), Mesh::default());
-    assert_eq!(extract(&Volume::new(CENTIMETER), more), Mesh::default());
+    let twice = |p: [f32; 3]| half(p).map(|(distance, _, color)| (distance, 2.0 / 256.0, color));
+    assert_eq!(extract(&volume(CENTIMETER, [-2; 3], [1; 3], twice)), Mesh::default());
+    assert_eq!(extract(&Volume::new(CENTIMETER)), Mesh::default());
 }
 
 #[test]
@@ -123,7 +129,7 @@ fn a_lone_block_at_the_end_of_the_grid_has_its_own_cells() {
         let mut grid = Volume::new(CENTIMETER);
         let wall = block(CENTIMETER, BlockKey::default(), &|p| Some((0.035 - p[1], 1.0, [9; 3])));
         grid.insert(BlockKey { x, y: 0, z: 0 }, wall);
-        let mesh = extract(&grid, SurfaceOptions::default());
+        let mesh = extract(&grid);
         assert_eq!((mesh.positions.len(), mesh.triangles.len()), (64, 2 * 49));
         assert_eq!(mesh.colors[0], [9; 3]);
     }
@@ -132,9 +138,9 @@ fn a_lone_block_at_the_end_of_the_grid_has_its_own_cells() {
 #[test]
 fn an_updated_surface_is_the_one_made_anew() {
     let mut grid = volume(CENTIMETER, [-2; 3], [1; 3], ball(0.12));
-    let mut cache = SurfaceCache::new(SurfaceOptions::default());
-    assert!((8..=64).contains(&cache.update(&grid)));
-    assert_eq!(cache.update(&grid), 0);
+    let mut cache = SurfaceCache::default();
+    assert!((8..=64).contains(&update(&mut cache, &grid, usize::MAX)));
+    assert_eq!(update(&mut cache, &grid, usize::MAX), 0);
     // A block changes, one comes, and the surface leaves one.
     let mut shapes: Vec<(BlockKey, Block)> = vec![];
     let corner = BlockKey { x: 0, y: 0, z: 0 };
@@ -145,9 +151,9 @@ fn an_updated_surface_is_the_one_made_anew() {
     shapes.push((gone, Block::EMPTY));
     for (key, block) in shapes {
         grid.insert(key, block);
-        let remade = cache.update(&grid);
+        let remade = update(&mut cache, &grid, usize::MAX);
         assert!((1..=27).contains(&remade), "{remade} pieces were made anew");
-        assert_eq!(cache.mesh(), extract(&grid, SurfaceOptions::default()));
+        assert_eq!(cache.mesh(), extract(&grid));
     }
 }
 
@@ -155,7 +161,7 @@ fn an_updated_surface_is_the_one_made_anew() {
 fn any_changes_are_followed_in_any_portions() {
     // Voxels of a noisy ball appear, disappear and change their distance, a few blocks at a time.
     let mut grid = volume(CENTIMETER, [-2; 3], [1; 3], ball(0.11));
-    let mut cache = SurfaceCache::new(SurfaceOptions::default());
+    let mut cache = SurfaceCache::default();
     for round in 0..60 {
         let slot = noise(round) as usize % grid.len();
         let mut block = grid.blocks()[slot].clone();
@@ -169,11 +175,11 @@ fn any_changes_are_followed_in_any_portions() {
             }
         }
         grid.insert(grid.keys()[slot], block);
-        assert!(cache.update_oldest(&grid, 3) <= 3);
+        assert!(update(&mut cache, &grid, 3) <= 3);
         if round % 7 == 0 {
-            cache.update(&grid);
-            assert!(!cache.is_behind());
-            assert_eq!(cache.mesh(), extract(&grid, SurfaceOptions::default()), "round {round}");
+            update(&mut cache, &grid, usize::MAX);
+            assert_eq!(cache.lag(), 0);
+            assert_eq!(cache.mesh(), extract(&grid), "round {round}");
         }
     }
 }
@@ -181,15 +187,15 @@ fn any_changes_are_followed_in_any_portions() {
 #[test]
 fn blocks_that_went_or_changed_places_are_followed() {
     let all = volume(CENTIMETER, [-2; 3], [1; 3], ball(0.12));
-    let mut cache = SurfaceCache::new(SurfaceOptions::default());
-    cache.update(&all);
+    let mut cache = SurfaceCache::default();
+    update(&mut cache, &all, usize::MAX);
     // The same blocks from the last to the first, without every seventh.
     let mut some = Volume::new(CENTIMETER);
     for slot in (0..all.len()).rev().filter(|slot| slot % 7 != 0) {
         some.insert(all.keys()[slot], all.blocks()[slot].clone());
     }
-    cache.update(&some);
-    let anew = extract(&some, SurfaceOptions::default());
+    update(&mut cache, &some, usize::MAX);
+    let anew = extract(&some);
     assert!(triangles(&cache.mesh()) == triangles(&anew));
     assert_eq!(cache.mesh().positions.len(), anew.positions.len());
 }
@@ -199,7 +205,7 @@ fn the_surface_does_not_depend_on_the_threads() {
     let grid = volume(CENTIMETER, [-3; 3], [2; 3], ball(0.2));
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| extract(&grid, SurfaceOptions::default()))
+        pool.install(|| extract(&grid))
     };
     assert_eq!(on(1), on(2));
     assert_eq!(on(1), on(4));
@@ -212,7 +218,7 @@ fn between_free_space_and_what_a_silhouette_hides_there_is_no_surface() {
         let distance = if p[0] < 0.0 { 0.1 - p[2] } else { 1.0 };
         Some((distance, 3.0, [0; 3]))
     };
-    let mesh = extract(&volume(CENTIMETER, [-2; 3], [2; 3], shape), SurfaceOptions::default());
+    let mesh = extract(&volume(CENTIMETER, [-2; 3], [2; 3], shape));
     assert!(!mesh.triangles.is_empty());
     let rightmost = mesh.positions.iter().map(|p| p[0]).fold(f32::MIN, f32::max);
     assert!(rightmost < 0.0, "the wall is closed towards free space at {rightmost}");

@@ -4,10 +4,10 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
 use super::scene::{Scene, Shape, camera, path, render, room, surface};
-use super::{fuse, plain, volume};
+use super::{extract, fuse, volume};
 use crate::camera::FrameCamera;
 use crate::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
-use crate::dense::surface::{SurfaceCache, SurfaceOptions, extract};
+use crate::dense::surface::SurfaceCache;
 use crate::dense::volume::Volume;
 
 /// A second in view.
@@ -106,8 +106,8 @@ fn someone_who_walked_by_leaves_nothing() {
         scene.push((Shape::Ball(Vector3::new(0.6, y, 0.55), 0.12), [220, 180, 160]));
         scene
     };
-    let ghosts = |options: IntegrationOptions, first_moving: u8| {
-        let mut film = Film::new(options);
+    let ghosts = |first_moving: u8| {
+        let mut film = Film::new(IntegrationOptions::default());
         for _ in 0..SECOND {
             film.show(&room(), 9);
         }
@@ -122,11 +122,10 @@ fn someone_who_walked_by_leaves_nothing() {
         let is_ghost = |point: &Vector3<f64>| point.y.abs() < 0.8 && room.distance(point) > 0.1;
         surface(&film.volume).iter().filter(|(point, _)| is_ghost(point)).count()
     };
-    let averaged = ghosts(plain(), 9);
-    let masked = ghosts(IntegrationOptions::default(), 1);
-    let alone = ghosts(IntegrationOptions::default(), 9);
-    println!("averaged {averaged}, masked {masked}, not masked {alone}");
-    assert!(averaged > 300 && masked * 100 <= averaged && alone * 20 <= averaged);
+    let (masked, alone) = (ghosts(1), ghosts(9));
+    println!("masked {masked}, not masked {alone}");
+    // Averages of all frames left more than 300 such points.
+    assert!(masked <= 3 && alone <= 15, "masked {masked}, not masked {alone}");
 }
 
 #[test]
@@ -174,7 +173,7 @@ fn a_surface_that_follows_shows_colors_that_change_alone() {
     let (camera, pose) = (camera(), path(0));
     let mut integrator = Integrator::new(&camera, options);
     let mut volume = volume(0.02);
-    let mut cache = SurfaceCache::new(SurfaceOptions::default());
+    let mut cache = SurfaceCache::default();
     let apart = |(a, b): (&[u8; 3], &[u8; 3])| {
         let [r, g, b] = [0, 1, 2].map(|k| u32::from(a[k].abs_diff(b[k])));
         r + 2 * g + b
@@ -186,12 +185,12 @@ fn a_surface_that_follows_shows_colors_that_change_alone() {
         let gray = 200 - frame.saturating_sub(15);
         scene[0].1 = [gray, gray, gray / 2];
         fuse(&mut integrator, &mut volume, &render(&scene, &camera, &pose, None), &pose);
-        let made = cache.update(&volume);
+        let made = cache.update(&mut volume.clone().into(), usize::MAX).unwrap();
         if frame == 0 {
             pieces = made;
         } else if frame >= 15 {
             remade += made;
-            let (followed, anew) = (cache.mesh(), extract(&volume, SurfaceOptions::default()));
+            let (followed, anew) = (cache.mesh(), extract(&volume));
             assert_eq!(followed.positions, anew.positions);
             let off = followed.colors.iter().zip(&anew.colors).map(apart).max();
             worst = worst.max(off.unwrap());

@@ -4,7 +4,7 @@ use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
 
 use super::scene::{View, camera, distorted_camera, furnished, looking, path, render, surface};
-use super::{fuse, plain, volume};
+use super::{fuse, volume};
 use crate::dense::block::{BlockKey, DISTANCE_ONE};
 use crate::dense::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
 use crate::dense::lanes::Class;
@@ -15,14 +15,15 @@ fn same(a: &Volume, b: &Volume) -> bool {
     a.keys() == b.keys() && a.states() == b.states() && a.blocks().iter().eq(b.blocks().iter())
 }
 
-fn fused(threads: usize, class: Class, lens: bool, options: IntegrationOptions) -> Volume {
+fn fused(threads: usize, class: Class, lens: bool) -> Volume {
     let camera = if lens { distorted_camera() } else { camera() };
+    let options = IntegrationOptions::default();
     let mut integrator = Integrator::new(&camera, options).with_class(class);
     let mut volume = volume(0.04);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     for i in 0..10 {
         let mut scene = furnished();
-        // Something goes, so that the dynamic update has work.
+        // Something goes, so that voxels are freed.
         scene.truncate(if i < 5 { 3 } else { 1 });
         let view = render(&scene, &camera, &path(i), Some(i as u64));
         pool.install(|| fuse(&mut integrator, &mut volume, &view, &path(i)));
@@ -32,17 +33,12 @@ fn fused(threads: usize, class: Class, lens: bool, options: IntegrationOptions) 
 
 #[test]
 fn bits_do_not_depend_on_threads_or_vectors() {
-    for (lens, options) in [
-        (false, plain()),
-        (true, plain()),
-        (false, IntegrationOptions::default()),
-        (true, IntegrationOptions::default()),
-    ] {
-        let reference = fused(1, Class::Plain, lens, options);
+    for lens in [false, true] {
+        let reference = fused(1, Class::Plain, lens);
         assert!(reference.len() > 100);
         for class in Class::ALL.into_iter().filter(|class| class.is_available()) {
             for threads in [1, 2, 3] {
-                assert!(same(&fused(threads, class, lens, options), &reference), "{class:?}");
+                assert!(same(&fused(threads, class, lens), &reference), "{class:?}");
             }
         }
     }
@@ -146,7 +142,7 @@ fn a_place_far_away_is_like_any_other() {
     let far = Vector3::new(1e6, -2e6, 4e5) * volume(0.02).options().block_m();
     let [near, away] = [Vector3::zeros(), far].map(|offset| {
         let mut volume = volume(0.02);
-        let mut integrator = Integrator::new(&camera, plain());
+        let mut integrator = Integrator::new(&camera, IntegrationOptions::default());
         let pose = looking([-1.0, 0.1, 0.2], 0.1, -0.1);
         let view = render(&furnished(), &camera, &pose, None);
         let pose = Se3 { translation: pose.translation + offset, ..pose };

@@ -6,15 +6,17 @@ use covis_solvers::geometry::{PinholeRadialTangential, Se3};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
+use super::extract;
 use super::scene::{Scene, Shape, View, looking, render};
 use crate::camera::FrameCamera;
 use crate::dense::block::{Block, BlockKey};
 use crate::dense::file;
 use crate::dense::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
 use crate::dense::mapper::MemoryCeiling;
+use crate::dense::page_cache::Region;
 use crate::dense::paged::PagedVolume;
 use crate::dense::pages::PageError;
-use crate::dense::surface::{Mesh, SurfaceCache, SurfaceOptions, extract, extract_paged};
+use crate::dense::surface::{self, Mesh, SurfaceCache};
 use crate::dense::testing::CENTIMETER;
 use crate::dense::volume::{Volume, VolumeOptions};
 
@@ -237,12 +239,12 @@ fn triangles(mesh: &Mesh) -> Vec<[[u32; 7]; 3]> {
 fn the_surface_of_a_volume_that_is_on_disk_in_parts_is_the_one_of_the_whole() {
     let mut whole = PagedVolume::new(GRID);
     walk(&mut whole, |_, _| {});
-    let expected = triangles(&extract(whole.resident(), SurfaceOptions::default()));
+    let expected = triangles(&extract(whole.resident()));
     assert!(expected.len() > 10_000);
     for ceiling in [whole.len() / 3, 10] {
         let mut paged = with_ceiling(ceiling);
         walk(&mut paged, |_, _| {});
-        let mesh = extract_paged(&mut paged, SurfaceOptions::default()).unwrap();
+        let mesh = surface::extract(&mut paged).unwrap();
         assert!(triangles(&mesh) == expected, "the surfaces differ");
         assert!(paged.paging().unwrap().blocks_on_disk > 0);
         assert_same(&mut paged, &mut whole);
@@ -255,7 +257,7 @@ fn a_surface_that_follows_keeps_what_goes_to_disk() {
     let mut integrators =
         [(); 2].map(|()| Integrator::new(&small_camera(), IntegrationOptions::default()));
     let mut paged = with_ceiling(1500);
-    let mut cache = SurfaceCache::new(SurfaceOptions::default());
+    let mut cache = SurfaceCache::default();
     let mut read_for_surface = 0;
     for frame in 0..FRAMES {
         show(&mut integrators[0], &mut whole, frame).unwrap();
@@ -264,13 +266,13 @@ fn a_surface_that_follows_keeps_what_goes_to_disk() {
         if frame % 3 == 2 {
             let before = paged.paging().unwrap().paged_in;
             let most = if frame % 2 == 0 { 40 } else { usize::MAX };
-            cache.update_paged(&mut paged, most).unwrap();
+            cache.update(&mut paged, most).unwrap();
             read_for_surface += paged.paging().unwrap().paged_in - before;
         }
         if frame % 40 == 39 {
-            cache.update_paged(&mut paged, usize::MAX).unwrap();
-            assert!(!cache.is_behind());
-            let expected = extract(whole.resident(), SurfaceOptions::default());
+            cache.update(&mut paged, usize::MAX).unwrap();
+            assert_eq!(cache.lag(), 0);
+            let expected = extract(whole.resident());
             assert!(triangles(&cache.mesh()) == triangles(&expected), "frame {frame}");
         }
     }
@@ -299,8 +301,8 @@ fn a_volume_that_is_on_disk_in_parts_is_saved_as_the_whole() {
         part.resident().len() * size_of::<Block>() <= bytes
             && part.paging().unwrap().blocks_on_disk > 0
     );
-    let surface = extract_paged(&mut part, SurfaceOptions::default()).unwrap();
-    let expected = extract(whole.resident(), SurfaceOptions::default());
+    let surface = surface::extract(&mut part).unwrap();
+    let expected = extract(whole.resident());
     assert!(triangles(&surface) == triangles(&expected), "the surfaces differ");
     assert_same(&mut part, &mut whole);
 }
@@ -341,7 +343,8 @@ proptest! {
                 }
                 Step::Read(x, z) => {
                     let key = BlockKey { x, y: -3, z };
-                    prop_assert_eq!(paged.block(key).unwrap(), plain.get(&key));
+                    let part = paged.bring(&[Region::of(key)]).unwrap();
+                    prop_assert_eq!(part.block(key), plain.get(&key));
                 }
                 Step::Ceiling(blocks) => paged.set_ceiling(blocks * bytes),
             }
