@@ -18,10 +18,9 @@ use quadratic::{Lifted, data_matrix};
 
 use crate::geometry::RigidMotion;
 pub use crate::initialization::IsotropicPrecision;
-use crate::interrupt::Interrupt;
-use crate::linear::{BlockPattern, Cholesky, LinearError};
+use crate::linear::{BlockPattern, LinearError};
 use crate::optimizer::from_linear;
-use crate::price::{Ceiling, Limits, Price};
+use crate::price::{Ceiling, Limits};
 use crate::problem::{PoseGraph, SolveError};
 
 /// Rows that may be added to the rotations.
@@ -64,22 +63,6 @@ pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
 ) -> Result<Certificate, SolveError> {
     certify_within(graph, Limits::NONE)
-}
-
-/// What [`certify`] takes besides the graph.
-///
-/// # Errors
-/// [`SolveError::Interrupted`].
-pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    let pattern = quadratic::pattern(graph);
-    let factor = Cholesky::price(&pattern, interrupt);
-    let factor = factor.map_err(|error| from_linear(error, pattern.dimension()))?;
-    // The preconditioner stands while the dual is factored.
-    let bytes = 2 * factor.bytes + linear_bytes::<D>(&pattern);
-    Ok(Price { bytes, flops_per_iteration: factor.flops_per_iteration })
 }
 
 /// Bytes besides the two factors: the matrix and the dual's, states, and the vectors of Lanczos.

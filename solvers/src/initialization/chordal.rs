@@ -18,7 +18,7 @@ use crate::information::Information;
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
 use crate::optimizer::from_linear;
-use crate::price::{Limits, Price};
+use crate::price::Limits;
 use crate::problem::{PoseGraph, SolveError};
 
 /// Edges that a task looks at at least.
@@ -101,7 +101,8 @@ pub fn chordal_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     if rows.poses.is_empty() {
         return Ok(());
     }
-    let pattern = Arc::new(pattern(graph, &rows));
+    let pairs = graph.edges.iter().filter_map(|edge| rows.pair(edge));
+    let pattern = Arc::new(BlockPattern::new(vec![D; rows.poses.len()], pairs));
     let linear = linear_bytes(graph, &pattern);
     let system = Linear::<D>::new(Arc::clone(&pattern), &rows.poses, limits.less(linear));
     let mut system = system.map_err(|error| error.beside(linear))?;
@@ -120,28 +121,6 @@ pub fn chordal_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     }
     graph.poses = poses;
     Ok(())
-}
-
-/// What the chordal start of `graph` takes besides the graph.
-///
-/// # Errors
-/// [`SolveError::Interrupted`].
-pub fn chordal_price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    let pattern = pattern(graph, &Rows::new(graph));
-    let price = Cholesky::price(&pattern, interrupt);
-    let price = price.map_err(|error| from_linear(error, pattern.dimension()))?;
-    Ok(price.plus_bytes(linear_bytes(graph, &pattern)))
-}
-
-fn pattern<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    rows: &Rows,
-) -> BlockPattern {
-    let pairs = graph.edges.iter().filter_map(|edge| rows.pair(edge));
-    BlockPattern::new(vec![D; rows.poses.len()], pairs)
 }
 
 /// Bytes besides the factor: matrix, right-hand sides, poses, a factor an edge.

@@ -11,7 +11,7 @@ mod start;
 mod triangulation;
 
 pub use alignment::align_to_priors;
-pub use chordal::{IsotropicPrecision, chordal, chordal_price, chordal_within};
+pub use chordal::{IsotropicPrecision, chordal, chordal_within};
 pub use p3p::p3p;
 pub use spanning_tree::{odometry, spanning_tree};
 pub(crate) use start::initialize_in_time;

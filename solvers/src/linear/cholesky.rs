@@ -48,21 +48,18 @@ impl Cholesky {
         ceiling: Ceiling,
         interrupt: &Interrupt,
     ) -> Result<Self, LinearError> {
-        let ordered = choose(&pattern, interrupt)?;
-        ceiling.admit(&price(&pattern, ordered.as_ref()))?;
-        match ordered {
-            None => Self::dense(pattern),
-            Some(ordered) => Self::ordered(pattern, ordered),
+        match choose(&pattern, interrupt)? {
+            None => {
+                // The ordering was made all the same.
+                let price = dense_price(pattern.dimension());
+                ceiling.admit(&price.plus_bytes(ordering_bytes(&pattern)))?;
+                Self::dense(pattern)
+            }
+            Some(ordered) => {
+                ceiling.admit(&ordered.price())?;
+                Self::ordered(pattern, ordered)
+            }
         }
-    }
-
-    /// What [`Cholesky::new`] would allocate, planning included, and the flops of one factorization.
-    /// Time and memory of this are nearly linear in the pattern.
-    ///
-    /// # Errors
-    /// [`LinearError::Interrupted`].
-    pub fn price(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Price, LinearError> {
-        Ok(price(pattern, choose(pattern, interrupt)?.as_ref()))
     }
 
     /// Orders `pattern` for a sparse factorization, which [`Cholesky::ordered`] then plans.
@@ -185,12 +182,6 @@ fn choose(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Option<Ordere
     let cheapest = cheapest(pattern, interrupt)?;
     let is_sparse = dense_flops(dimension) > DENSE_ADVANTAGE * cheapest.0.flops;
     Ok(is_sparse.then(|| Ordered::new(pattern, cheapest)))
-}
-
-/// What the factorization that was chosen takes. For a dense one the ordering was made all the same.
-fn price(pattern: &BlockPattern, ordered: Option<&Ordered>) -> Price {
-    let dense = || dense_price(pattern.dimension()).plus_bytes(ordering_bytes(pattern));
-    ordered.map_or_else(dense, Ordered::price)
 }
 
 /// The block graph, its lists while vertices are taken out, and the work of the orderings.

@@ -99,19 +99,6 @@ pub fn solve_until<G: LieGroup<N>, const N: usize>(
     })?
 }
 
-/// What [`solve`] takes besides the graph. The fill is counted and never formed: time and memory of
-/// this are nearly linear in the edges. Without a constant pose it is counted as if all moved.
-///
-/// # Errors
-/// Those of [`PoseGraph::validate`]; [`SolveError::Interrupted`].
-pub fn price<G: LieGroup<N>, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    graph.validate()?;
-    system::price(graph, interrupt)
-}
-
 /// At least what [`solve`] takes, whatever the edges tie together: for telling small graphs from
 /// others.
 #[must_use]

@@ -17,7 +17,7 @@ use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale, from_linear};
-use crate::price::{Limits, Price};
+use crate::price::Limits;
 use crate::problem::{PoseGraph, SolveError};
 
 /// Least damping of a graph whose edges may leave a direction of a pose open: far above the
@@ -58,22 +58,6 @@ impl Rows {
     ) -> impl Iterator<Item = (Option<usize>, Option<usize>)> + Clone + 'a {
         graph.edges.iter().map(|edge| (self.of[edge.i], self.of[edge.j]))
     }
-}
-
-/// What solving `graph` takes besides the graph.
-pub(super) fn price<G: LieGroup<N>, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    let rows = Rows::new(graph);
-    let pairs = rows.of_edges(graph).filter_map(|(i, j)| i.zip(j));
-    let pattern = BlockPattern::new(vec![N; rows.count], pairs);
-    let price = Cholesky::price(&pattern, interrupt);
-    let price = price.map_err(|error| from_linear(error, pattern.dimension()))?;
-    let edge_flops = (graph.edges.len() * 40 * N * N) as f64;
-    let flops_per_iteration = price.flops_per_iteration + edge_flops;
-    let bytes = price.bytes.saturating_add(linear_bytes(graph, &pattern));
-    Ok(Price { bytes, flops_per_iteration })
 }
 
 /// Bytes besides the factor: a term and two incidences an edge, poses, vectors, H.

@@ -28,13 +28,13 @@ pub use variance::{VarianceFactors, variance_factors};
 
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::{LieGroup, RigidMotion};
-use crate::initialization::{Start, align_to_priors, chordal_price, initialize_in_time};
+use crate::initialization::{Start, align_to_priors, initialize_in_time};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{
     self, Observer, SolveSummary, Termination, ignore_iterations, with_threads,
 };
 use crate::pose_graph;
-use crate::price::{Limits, Price};
+use crate::price::Limits;
 use crate::problem::{DisjointSets, PoseGraph, SolveError};
 
 /// Weight of a switched-off closure that is the only connection of two parts of the graph.
@@ -185,20 +185,6 @@ fn run<G: LieGroup<N>, const N: usize>(
         let (last, start) = stages(&mut weighted)?;
         Ok(weighted.summary(last, start))
     })?
-}
-
-/// The memory and work of [`solve`] besides the graph: a solve over a copy of it, its start, and the
-/// weights.
-///
-/// # Errors
-/// As [`pose_graph::price`].
-pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    let solve = pose_graph::price(graph, interrupt)?;
-    let start = chordal_price(graph, interrupt)?;
-    Ok(solve.or(start).plus_bytes(copies_bytes(graph)))
 }
 
 /// Bytes of the weighted copy, of states that may be restored, and of the screening.
