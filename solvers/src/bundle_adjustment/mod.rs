@@ -33,8 +33,7 @@ use nalgebra::Vector3;
 use crate::geometry::{Camera, Se3};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{
-    self, IterationSummary, LoopState, Observer, SolveSummary, Unmoved, minimize_from,
-    minimize_until, with_threads,
+    self, IterationSummary, LoopState, Observer, SolveSummary, Unmoved, minimize, with_threads,
 };
 use crate::price::{Limits, Price};
 use crate::problem::{BundleProblem, SolveError};
@@ -303,14 +302,14 @@ impl Run for Solve<'_, '_> {
                     Some(keeper) => Some(keeper),
                     None => None,
                 };
-                let solve = minimize_from(&mut system, &options.optimizer, run, from, observer);
+                let solve = minimize(&mut system, &options.optimizer, run, from, observer);
                 let linear_solver = system.linear_solver();
                 system.finish();
                 (solve, linear_solver)
             }
             Err(SolveError::Interrupted) => {
                 let mut start = Unmoved(cost_of::<R>(problem, layout, (model, class)));
-                let solve = minimize_until(&mut start, &options.optimizer, run, observer);
+                let solve = minimize(&mut start, &options.optimizer, run, None, observer);
                 (solve, options.linear_solver)
             }
             Err(error) => return Err(error),

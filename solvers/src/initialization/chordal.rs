@@ -81,18 +81,8 @@ fn inverse_trace<const D: usize>(omega: &SMatrix<f64, D, D>) -> f64 {
 ///
 /// # Errors
 /// Those of [`PoseGraph::validate`], [`SolveError::Singular`] where measurements leave a rotation
-/// or a position open to rounding.
+/// or a position open to rounding; [`SolveError::TooExpensive`], [`SolveError::Interrupted`].
 pub fn chordal<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-) -> Result<(), SolveError> {
-    chordal_within(graph, Limits::NONE)
-}
-
-/// As [`chordal`], within `limits`.
-///
-/// # Errors
-/// As [`chordal`]; [`SolveError::TooExpensive`], [`SolveError::Interrupted`].
-pub fn chordal_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     limits: Limits<'_>,
 ) -> Result<(), SolveError> {

@@ -95,31 +95,12 @@ impl LoopState {
 
 /// Minimizes `system` and leaves it at the best state found. `start` is when the caller's clock
 /// began, so that its preparations are counted.
+///
+/// It ends at `interrupt`, which is that of the system and alone decides: the deadline of the options
+/// is the caller's to put into it. The cost of the start is counted whatever the time is, since the
+/// answer needs it. If `from` is given, it goes on from where another loop stood: the system has the
+/// values that the variables had then. Rows and times go on from those of that loop.
 pub fn minimize(
-    system: &mut dyn System,
-    options: &Options,
-    start: Instant,
-    observer: &mut Observer<'_>,
-) -> SolveSummary {
-    let interrupt = Interrupt::NEVER.or_after(start, options.deadline);
-    minimize_until(system, options, (start, &interrupt), observer)
-}
-
-/// As [`minimize`], ending at `interrupt`, which is that of the system and alone decides: the
-/// deadline of the options is the caller's to put into it. The cost of the start is counted whatever
-/// the time is, since the answer needs it.
-pub fn minimize_until(
-    system: &mut dyn System,
-    options: &Options,
-    run: (Instant, &Interrupt),
-    observer: &mut Observer<'_>,
-) -> SolveSummary {
-    minimize_from(system, options, run, None, observer)
-}
-
-/// As [`minimize_until`], from where another loop stood, if `from` is given: the system has the values
-/// that the variables had then. Rows and times go on from those of that loop.
-pub fn minimize_from(
     system: &mut dyn System,
     options: &Options,
     (start, interrupt): (Instant, &Interrupt),
