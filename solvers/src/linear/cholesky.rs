@@ -73,10 +73,10 @@ impl Cholesky {
     /// Plans a sparse factorization in an order that was made for this pattern.
     ///
     /// # Errors
-    /// As [`SparseCholesky::new`].
+    /// Too large to index, or no memory.
     pub fn ordered(pattern: Arc<BlockPattern>, ordered: Ordered) -> Result<Self, LinearError> {
         let Ordered { ordering, elimination, .. } = ordered;
-        let sparse = SparseCholesky::planned(pattern, ordering, &elimination)?;
+        let sparse = SparseCholesky::planned(pattern, &ordering.order, &elimination)?;
         Ok(Self::Sparse(Box::new(sparse)))
     }
 
@@ -86,14 +86,6 @@ impl Cholesky {
     /// As [`DenseCholesky::new`].
     pub fn dense(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
         Ok(Self::Dense(DenseCholesky::new(pattern)?))
-    }
-
-    /// Plans a sparse factorization.
-    ///
-    /// # Errors
-    /// As [`SparseCholesky::new`].
-    pub fn sparse(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
-        Ok(Self::Sparse(Box::new(SparseCholesky::new(pattern)?)))
     }
 
     /// Factors H + D; `added_diagonal` is D, or empty for zero.

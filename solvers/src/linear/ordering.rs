@@ -68,20 +68,6 @@ pub struct BlockOrdering {
     pub method: OrderingMethod,
 }
 
-/// The cheapest elimination order found, with its cost; ties go to the earlier candidate.
-pub fn cheapest_ordering(pattern: &BlockPattern) -> BlockOrdering {
-    // Only an interrupt could fail it.
-    cheapest(pattern, &Interrupt::NEVER).map_or_else(
-        |_never| BlockOrdering {
-            order: (0..pattern.block_count() as u32).collect(),
-            flops: f64::INFINITY,
-            factor_entries: f64::INFINITY,
-            method: OrderingMethod::Natural,
-        },
-        |(ordering, _)| ordering,
-    )
-}
-
 /// The elimination in a given order, postordered; `None` where `order` is not a permutation.
 pub(super) fn postordered(
     pattern: &BlockPattern,
@@ -131,7 +117,8 @@ pub(super) fn cheapest_with_last(
     Ok((BlockOrdering { order, flops, factor_entries, method }, elimination))
 }
 
-/// [`cheapest_ordering`] with its elimination tree.
+/// The cheapest elimination order found, with its cost and its elimination tree; ties go to the earlier
+/// candidate.
 ///
 /// # Errors
 /// [`LinearError::Interrupted`].

@@ -25,6 +25,10 @@ fn grid(side: usize, size: usize) -> BlockPattern {
     BlockPattern::new(vec![size; side * side], pairs.flatten())
 }
 
+fn cheapest_ordering(pattern: &BlockPattern) -> BlockOrdering {
+    cheapest(pattern, &Interrupt::NEVER).unwrap().0
+}
+
 /// `None` where `order` is not a permutation of the blocks.
 fn elimination_flops(pattern: &BlockPattern, order: &[u32]) -> Option<f64> {
     eliminate(pattern, order).map(|elimination| elimination.flops)
