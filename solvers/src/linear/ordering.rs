@@ -89,7 +89,7 @@ pub(super) fn ordered_with_last(
     is_last: &[bool],
 ) -> (Vec<u32>, Elimination) {
     let natural = || (0..pattern.block_count() as u32).collect();
-    let mut order = minimum_degree(&Graph::new(pattern)).unwrap_or_else(natural);
+    let mut order = minimum_degree(&Graph::of_pattern(pattern)).unwrap_or_else(natural);
     order.sort_by_key(|&block| is_last[block as usize]);
     postordered(pattern, &order).unwrap_or_default()
 }
@@ -128,7 +128,7 @@ pub(super) fn cheapest(
 ) -> Result<(BlockOrdering, Elimination), LinearError> {
     let count = pattern.block_count();
     let natural = || (0..count as u32).collect::<Vec<u32>>();
-    let graph = Arc::new(Graph::new(pattern));
+    let graph = Arc::new(Graph::of_pattern(pattern));
     let mut best: Option<(OrderingMethod, Vec<u32>, Elimination)> = None;
     for method in CANDIDATES {
         let flops = best.as_ref().map_or(f64::INFINITY, |(_, _, elimination)| elimination.flops);

@@ -8,6 +8,7 @@
 
 use crate::interrupt::Interrupt;
 use crate::linear::ordering::{SEPARATE, parts};
+use crate::lists::Lists;
 use crate::problem::BundleProblem;
 
 use super::super::layout::{Blocks, NO_BLOCK, number_views};
@@ -91,11 +92,10 @@ struct Unit {
 
 #[derive(Clone, Copy)]
 enum Kind {
-    /// A landmark that moves, with its observations `tracks[start..end]`.
+    /// A landmark that moves, with its observations.
     Track {
         landmark: u32,
-        start: u32,
-        end: u32,
+        length: u32,
     },
     /// An observation of a constant landmark.
     Observation(u32),
@@ -114,8 +114,9 @@ impl Partition {
         let (views, _) = number_views(problem);
         let blocks = Blocks::new(problem, &views, &[]);
         let observations = Observations { problem };
-        let (starts, tracks) = tracks(&observations);
-        let units = Units { problem, blocks: &blocks, starts: &starts, tracks: &tracks };
+        let of_landmark = (0..observations.count()).map(|k| (observations.of(k).2, k as u32));
+        let tracks = Lists::new(problem.landmarks.len(), of_landmark);
+        let units = Units { problem, blocks: &blocks, tracks: &tracks };
         let part = units.cut(wanted, interrupt)?;
         let count = part.iter().filter(|&&p| p != SEPARATE).max().map_or(0, |&p| p as usize + 1);
         let count = if blocks.sizes.is_empty() { wanted.max(1) } else { count.max(1) };
@@ -174,30 +175,11 @@ impl Partition {
     }
 }
 
-/// Where each landmark's observations begin, and the observations by landmark.
-fn tracks(observations: &Observations<'_>) -> (Vec<u32>, Vec<u32>) {
-    let mut starts = vec![0_u32; observations.problem.landmarks.len() + 1];
-    for k in 0..observations.count() {
-        starts[observations.of(k).2 + 1] += 1;
-    }
-    for l in 1..starts.len() {
-        starts[l] += starts[l - 1];
-    }
-    let mut next = starts.clone();
-    let mut tracks = vec![0; observations.count()];
-    for k in 0..observations.count() {
-        let place = &mut next[observations.of(k).2];
-        tracks[*place as usize] = k as u32;
-        *place += 1;
-    }
-    (starts, tracks)
-}
-
 struct Units<'a> {
     problem: &'a BundleProblem,
     blocks: &'a Blocks,
-    starts: &'a [u32],
-    tracks: &'a [u32],
+    /// The observations of each landmark.
+    tracks: &'a Lists<u32>,
 }
 
 impl Units<'_> {
@@ -221,8 +203,7 @@ impl Units<'_> {
             show(Unit { kind, blocks: std::mem::take(blocks) });
         };
         for landmark in 0..self.landmark_count() {
-            let (start, end) = (self.starts[landmark], self.starts[landmark + 1]);
-            let track = &self.tracks[start as usize..end as usize];
+            let track = self.tracks.of(landmark);
             if problem.constant_landmarks[landmark] {
                 for &k in track {
                     of_observation(k, &mut blocks);
@@ -230,8 +211,8 @@ impl Units<'_> {
                 }
             } else if !track.is_empty() {
                 track.iter().for_each(|&k| of_observation(k, &mut blocks));
-                let landmark = landmark as u32;
-                tell(Kind::Track { landmark, start, end }, &mut blocks);
+                let (landmark, length) = (landmark as u32, track.len() as u32);
+                tell(Kind::Track { landmark, length }, &mut blocks);
             }
         }
         let of_pose = |pose: usize| self.blocks.of_pose[pose];
@@ -308,8 +289,8 @@ impl Units<'_> {
     /// Puts the factors of a unit into a section.
     fn give(&self, unit: &Unit, section: &mut Members) {
         match unit.kind {
-            Kind::Track { start, end, .. } => {
-                section.observations.extend(&self.tracks[start as usize..end as usize]);
+            Kind::Track { landmark, .. } => {
+                section.observations.extend(self.tracks.of(landmark as usize));
             }
             Kind::Observation(k) => section.observations.push(k),
             Kind::RelativePose(k) => section.relative_poses.push(k),
@@ -429,7 +410,7 @@ impl<'a> Dealer<'a> {
 
     fn add(&mut self, unit: &Unit, section: u32) {
         self.loads[section as usize] += match unit.kind {
-            Kind::Track { start, end, .. } => (end - start) as usize,
+            Kind::Track { length, .. } => length as usize,
             Kind::Observation(_)
             | Kind::RelativePose(_)
             | Kind::PosePrior(_)
