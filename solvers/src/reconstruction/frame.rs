@@ -9,8 +9,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Estimate;
-use super::bearings::Bearings;
+use super::bearings::{Bearing, Bearings};
 use super::points::squared_error;
+use crate::factors::Reprojection;
 use crate::geometry::{LieGroup, Se3, So3};
 use crate::problem::BundleProblem;
 
@@ -172,7 +173,8 @@ pub(super) fn noise_factor(bearings: &Bearings, estimate: &Estimate) -> f64 {
     let mut errors: Vec<f64> = used
         .filter_map(|(bearing, _)| {
             let (pose, point) = (estimate.poses[bearing.pose]?, estimate.points[bearing.landmark]?);
-            let plain = super::bearings::Bearing { depth_m: None, ..*bearing };
+            let seen = Reprojection { depth_m: None, ..bearing.seen };
+            let plain = Bearing { seen, ..*bearing };
             Some(squared_error(&plain, &pose, estimate, &point).sqrt())
         })
         .collect();

@@ -267,7 +267,7 @@ impl<'a, 'o> Run<'a, 'o> {
 
     pub(super) fn has_depth(&self) -> bool {
         let mut used = self.bearings.all.iter().zip(&self.estimate.used);
-        used.any(|(bearing, used)| *used && bearing.depth_m.is_some())
+        used.any(|(bearing, used)| *used && bearing.seen.depth_m.is_some())
     }
 
     /// Stage 7.

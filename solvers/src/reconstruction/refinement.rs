@@ -92,7 +92,7 @@ impl Run<'_, '_> {
                 *used &= self.estimate.poses[bearing.pose].is_some();
                 if *used {
                     views[bearing.landmark].0 += 1;
-                    views[bearing.landmark].1 |= bearing.depth_m.is_some();
+                    views[bearing.landmark].1 |= bearing.seen.depth_m.is_some();
                 }
             }
             for (bearing, used) in self.bearings.all.iter().zip(&mut self.estimate.used) {

@@ -9,7 +9,7 @@
 use crate::interrupt::Interrupt;
 use crate::linear::ordering::{SEPARATE, parts};
 use crate::lists::Lists;
-use crate::problem::BundleProblem;
+use crate::problem::{BundleProblem, Observation};
 
 use super::super::layout::{Blocks, NO_BLOCK, number_views};
 
@@ -62,27 +62,6 @@ pub(super) struct Partition {
     pub(super) is_separator: Vec<bool>,
 }
 
-/// The observations of both kinds, as far as indices go.
-struct Observations<'a> {
-    problem: &'a BundleProblem,
-}
-
-impl Observations<'_> {
-    fn count(&self) -> usize {
-        self.problem.observation_count()
-    }
-
-    /// Pose, camera and landmark of observation `k`.
-    fn of(&self, k: usize) -> (usize, usize, usize) {
-        let (plain, depth) = (&self.problem.reprojections, &self.problem.depth_reprojections);
-        let (poses, cameras, landmarks, k) = match k.checked_sub(plain.len()) {
-            None => (&plain.poses, &plain.cameras, &plain.landmarks, k),
-            Some(k) => (&depth.poses, &depth.cameras, &depth.landmarks, k),
-        };
-        (poses[k] as usize, cameras[k] as usize, landmarks[k] as usize)
-    }
-}
-
 /// Factors that must be in one section, since what they tie together is eliminated there.
 struct Unit {
     kind: Kind,
@@ -113,8 +92,7 @@ impl Partition {
     ) -> Option<Self> {
         let (views, _) = number_views(problem);
         let blocks = Blocks::new(problem, &views, &[]);
-        let observations = Observations { problem };
-        let of_landmark = (0..observations.count()).map(|k| (observations.of(k).2, k as u32));
+        let of_landmark = problem.observations().zip(0..).map(|(o, k)| (o.landmark as usize, k));
         let tracks = Lists::new(problem.landmarks.len(), of_landmark);
         let units = Units { problem, blocks: &blocks, tracks: &tracks };
         let part = units.cut(wanted, interrupt)?;
@@ -148,14 +126,13 @@ impl Partition {
 
     /// Adds the variables that the factors of each section touch.
     fn complete(&mut self, problem: &BundleProblem) {
-        let observations = Observations { problem };
         for section in &mut self.sections {
             section.observations.sort_unstable();
             for &k in &section.observations {
-                let (pose, camera, landmark) = observations.of(k as usize);
-                section.poses.push(pose as u32);
-                section.cameras.push(camera as u32);
-                section.landmarks.push(landmark as u32);
+                let Observation { pose, camera, landmark, .. } = problem.observation(k as usize);
+                section.poses.push(pose);
+                section.cameras.push(camera);
+                section.landmarks.push(landmark);
             }
             for &k in &section.relative_poses {
                 let factor = &problem.relative_poses[k as usize];
@@ -190,11 +167,11 @@ impl Units<'_> {
     /// Shows every unit, always in the same order.
     fn each(&self, mut show: impl FnMut(Unit)) {
         let problem = self.problem;
-        let observations = Observations { problem };
         let mut blocks = Vec::new();
         let of_observation = |k: u32, blocks: &mut Vec<u32>| {
-            let (pose, camera, _) = observations.of(k as usize);
-            blocks.extend([self.blocks.of_pose[pose], self.blocks.of_camera[camera].0]);
+            let Observation { pose, camera, .. } = problem.observation(k as usize);
+            let camera_block = self.blocks.of_camera[camera as usize].0;
+            blocks.extend([self.blocks.of_pose[pose as usize], camera_block]);
         };
         let mut tell = |kind: Kind, blocks: &mut Vec<u32>| {
             blocks.retain(|&block| block != NO_BLOCK);
