@@ -7,8 +7,6 @@
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
-
 use super::super::covisible::{can_be_numbered, covisible_pairs};
 use super::super::reduce::block_pairs;
 use super::super::{Run, dispatch};
@@ -162,13 +160,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Bordered
     }
 
     fn values(&self) -> Values {
-        let system = &self.system;
-        let mut landmarks = system.problem.landmarks.clone();
-        for (&landmark, point) in system.layout.sorted.order.iter().zip(system.points.chunks(POINT))
-        {
-            landmarks[landmark as usize] = Vector3::new(point[0], point[1], point[2]);
-        }
-        let problem = &system.problem;
+        let problem = &self.system.problem;
+        let landmarks = self.system.put_back(problem.landmarks.clone());
         Values { poses: problem.poses.clone(), cameras: problem.cameras.clone(), landmarks }
     }
 
