@@ -142,12 +142,27 @@ fn check_bundle(name: &str, problem: &BundleProblem, solvers: &[LinearSolver]) {
                 ..bundle_adjustment::Options::default()
             };
             options.optimizer.threads = Some(threads);
-            let price = bundle_adjustment::price(problem, &options).unwrap();
-            let mut solved = problem.clone();
-            let actual = peak(|| {
-                bundle_adjustment::solve(&mut solved, &options, &mut ignore_iterations).unwrap();
-            });
-            compare(&format!("{name}, {linear_solver:?}, {threads}"), price.bytes, actual);
+            let solve = |options: &bundle_adjustment::Options| {
+                let mut solved = problem.clone();
+                let mut outcome = None;
+                let actual = peak(|| {
+                    let observer = &mut ignore_iterations;
+                    outcome = Some(bundle_adjustment::solve(&mut solved, options, observer));
+                });
+                (outcome.unwrap(), actual)
+            };
+            let (summary, actual) = solve(&options);
+            // Each refusal says more of what it takes, until what is said is enough.
+            options.linear_solver = summary.unwrap().linear_solver;
+            let mut estimate = 0;
+            loop {
+                options.optimizer.ceiling = Ceiling { bytes: Some(estimate), ..Ceiling::NONE };
+                match solve(&options).0 {
+                    Err(SolveError::TooExpensive(refused)) => estimate = refused.estimate,
+                    solved => break assert!(solved.is_ok(), "{solved:?}"),
+                }
+            }
+            compare(&format!("{name}, {linear_solver:?}, {threads}"), estimate, actual);
         }
     }
 }

@@ -41,8 +41,6 @@ pub use crate::simd::Class;
 
 use layout::Layout;
 use observe::Model;
-use price::Costs;
-use reduced_solver::plan;
 use system::{BundleSystem, cost_of};
 
 /// How the reduced camera system is stored and factored.
@@ -187,22 +185,6 @@ pub fn solve_kept(
     run(problem, options, &Interrupt::NEVER, (from, Some(keeper)), observer)
 }
 
-/// What [`solve`] would take, as far as it allocates memory besides the problem.
-///
-/// With a ceiling in the options, counting ends where it is passed: [`SolveError::TooExpensive`] then
-/// has an estimate that the truth may be above.
-///
-/// # Errors
-/// As [`solve`].
-pub fn price(problem: &BundleProblem, options: &Options) -> Result<Price, SolveError> {
-    options.optimizer.validate()?;
-    problem.validate()?;
-    with_threads(options.optimizer.threads, || {
-        let layout = Arc::new(Layout::new(problem)?);
-        dispatch(&layout, Estimate { problem, options })
-    })?
-}
-
 /// At least what [`solve`] takes with any solver that [`LinearSolver::Auto`] would choose, in the time
 /// of one pass over the observations: for telling small problems from others.
 #[must_use]
@@ -316,31 +298,5 @@ impl Run for Solve<'_, '_> {
         };
         let behind_camera = problem.behind_camera_count();
         Ok(BundleSummary { solve, linear_solver, behind_camera, class })
-    }
-}
-
-/// Pricing.
-struct Estimate<'a> {
-    problem: &'a BundleProblem,
-    options: &'a Options,
-}
-
-impl Run for Estimate<'_> {
-    type Output = Price;
-
-    fn problem(&self) -> &BundleProblem {
-        self.problem
-    }
-
-    fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
-        self,
-        layout: &Arc<Layout>,
-        _model: Model,
-    ) -> Result<Price, SolveError> {
-        let problem = self.problem;
-        let costs = Costs::of::<D, V, T, R>(problem, layout);
-        let ceiling = self.options.optimizer.ceiling;
-        let limits = Limits { ceiling, interrupt: &Interrupt::NEVER };
-        plan(problem, layout, self.options.linear_solver, &costs, limits).map(|plan| plan.price)
     }
 }
