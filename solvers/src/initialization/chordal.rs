@@ -87,11 +87,12 @@ pub fn chordal<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     limits: Limits<'_>,
 ) -> Result<(), SolveError> {
     graph.validate()?;
-    let rows = Rows::new(graph);
+    let (poses, of) = graph.free();
+    let rows = Rows { poses, of };
     if rows.poses.is_empty() {
         return Ok(());
     }
-    let pairs = graph.edges.iter().filter_map(|edge| rows.pair(edge));
+    let pairs = graph.places_of_edges(&rows.of).filter_map(|(i, j)| i.zip(j));
     let pattern = Arc::new(BlockPattern::new(vec![D; rows.poses.len()], pairs));
     let linear = linear_bytes(graph, &pattern);
     let system = Linear::<D>::new(Arc::clone(&pattern), &rows.poses, limits.less(linear));
@@ -131,18 +132,6 @@ struct Rows {
     of: Vec<Option<usize>>,
 }
 
-impl Rows {
-    fn new<G: RigidMotion<D, N>, const D: usize, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
-        let (poses, of) = graph.free();
-        Self { poses, of }
-    }
-
-    /// The rows of an edge between two poses that move.
-    fn pair<G, const N: usize>(&self, edge: &RelativePose<G, N>) -> Option<(usize, usize)> {
-        Some((self.of[edge.i]?, self.of[edge.j]?)).filter(|(i, j)| i != j)
-    }
-}
-
 /// A block-sparse system with D rows a pose.
 struct Linear<'a, const D: usize> {
     matrix: BlockMatrix,
@@ -163,16 +152,6 @@ impl<'a, const D: usize> Linear<'a, D> {
         let factor = Cholesky::within(Arc::clone(&pattern), ceiling, interrupt)
             .map_err(|error| from_linear(error, dimension))?;
         Ok(Self { matrix: BlockMatrix::new(pattern), factor, poses, interrupt })
-    }
-
-    /// Adds `block` to block (i, j) of the symmetric matrix.
-    fn add(&mut self, i: usize, j: usize, block: &SMatrix<f64, D, D>) {
-        let (row, column, block) = if i >= j { (i, j, *block) } else { (j, i, block.transpose()) };
-        if let Some(values) = self.matrix.block_mut(row, column) {
-            for (value, added) in values.iter_mut().zip(block.iter()) {
-                *value += added;
-            }
-        }
     }
 
     fn factor(&mut self, ids: &[i64], what: &'static str) -> Result<(), SolveError> {
@@ -231,10 +210,10 @@ fn relaxed_rotations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         }
         let (i, j) = (rows.of[edge.i], rows.of[edge.j]);
         for row in [i, j].into_iter().flatten() {
-            system.add(row, row, &(SMatrix::identity() * kappa));
+            system.matrix.add_block(row, row, &(SMatrix::<f64, D, D>::identity() * kappa));
         }
         match (i, j) {
-            (Some(i), Some(j)) => system.add(i, j, &(z * -kappa)),
+            (Some(i), Some(j)) => system.matrix.add_block(i, j, &(z * -kappa)),
             (Some(i), None) => add(i, &graph.poses[edge.j].rotation_matrix(), &z, kappa),
             (None, Some(j)) => {
                 add(j, &graph.poses[edge.i].rotation_matrix(), &z.transpose(), kappa);
@@ -277,13 +256,13 @@ fn translations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         let pull = weight * (measured + held(edge.i, i) - held(edge.j, j));
         for (row, sign) in [(i, -1.0), (j, 1.0)] {
             let Some(row) = row else { continue };
-            system.add(row, row, &weight);
+            system.matrix.add_block(row, row, &weight);
             for (value, pull) in right[D * row..].iter_mut().zip(pull.iter()) {
                 *value += sign * pull;
             }
         }
         if let (Some(i), Some(j)) = (i, j) {
-            system.add(i, j, &-weight);
+            system.matrix.add_block(i, j, &-weight);
         }
     }
     system.factor(&graph.ids, "position of pose")?;
