@@ -173,7 +173,7 @@ fn known_landmarks(count: usize, depth: bool) -> (Camera, Se3, Vec<PointObservat
         point_in_world: scene.landmarks[o.landmark],
         pixel: o.measurement.pixel,
         sigma_px: o.measurement.sigma_px,
-        depth_m: depth.then_some((o.measurement.depth_m, o.measurement.sigma_depth_m)),
+        depth_m: o.measurement.depth_m.filter(|_| depth),
     };
     let observations: Vec<_> = scene.observations[0].iter().take(count).map(observation).collect();
     assert_eq!(observations.len(), count, "the room is too empty");

@@ -248,9 +248,11 @@ fn view(scene: &Scene, index: usize, is_known: &mut [bool], is_monocular: bool) 
             Measured {
                 landmark: landmark as i64,
                 pixel: (m.pixel, m.sigma_px),
-                depth_m: (!is_monocular).then_some((m.depth_m, m.sigma_depth_m)),
+                depth_m: m.depth_m.filter(|_| !is_monocular),
                 is_new,
-                point_in_world: ray.map(|ray| pose.transform(&(ray * (m.depth_m / ray.z)))),
+                point_in_world: ray
+                    .zip(m.depth_m)
+                    .map(|(ray, (depth_m, _sigma))| pose.transform(&(ray * (depth_m / ray.z)))),
             }
         })
         .collect();

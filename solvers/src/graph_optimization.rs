@@ -6,7 +6,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::certificate::{Certificate, certify_within};
+use crate::certificate::{Certificate, certify};
 use crate::evaluation::{CostReport, FactorCost, ReferencePose, ResidualReport, pose_graph_cost};
 use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, RigidMotion, Se2, Se3};
@@ -16,8 +16,9 @@ use crate::optimizer::{self, IterationSummary, Observer, SolveSummary, ignore_it
 use crate::pose_graph;
 use crate::price::Limits;
 use crate::problem::{PoseGraph, SolveError};
+pub use crate::robust::Judging;
 use crate::robust::{
-    self, ClosureVerdict, Kernel, PositionJudging, PositionVerdict, RobustSummary, judge_positions,
+    self, ClosureVerdict, PositionJudging, PositionVerdict, RobustSummary, judge_positions,
 };
 
 /// Which stages a graph goes through.
@@ -51,19 +52,6 @@ impl Default for Options {
             optimizer,
         }
     }
-}
-
-/// How loop closures are judged; see [`crate::robust`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Judging {
-    /// How weights follow from residuals.
-    pub kernel: Kernel,
-    /// The largest χ² of a true closure; `None` takes the 99 % quantile for its dimension.
-    pub threshold: Option<f64>,
-    /// Edges that are trusted although their ids are not consecutive, rising.
-    pub trusted: Vec<usize>,
-    /// See [`robust::Options::trust_odometry`].
-    pub trust_odometry: bool,
 }
 
 /// What is proved of the chordal optimum where the last solve started.
@@ -296,17 +284,10 @@ impl Run<'_> {
         judging: &Judging,
         observer: &mut Observer<'_>,
     ) -> Result<Optimized, SolveError> {
-        let robust = robust::Options {
-            kernel: judging.kernel,
-            threshold: judging.threshold,
-            start: self.options.start,
-            trusted: judging.trusted.clone(),
-            trust_odometry: judging.trust_odometry,
-            pose_graph: pose_graph::Options { optimizer: self.options.optimizer },
-        };
-        let rows = &mut ignore_iterations;
+        let options = pose_graph::Options { optimizer: self.options.optimizer };
+        let (start, rows) = ((self.options.start, has_poses), &mut ignore_iterations);
         let given = if graph.has_priors() { graph.poses.clone() } else { Vec::new() };
-        let mut judged = robust::solve_until(graph, has_poses, &robust, self.interrupt, rows)?;
+        let mut judged = robust::solve(graph, start, judging, &options, self.interrupt, rows)?;
         let mut kept = robust::weighted(graph, &judged.closures);
         let (solve, before, after, proof) = if self.options.certify {
             let proof = self.prove(&mut kept)?;
@@ -362,7 +343,7 @@ impl Run<'_> {
             return Ok(None);
         }
         let begin = Instant::now();
-        match certify_within(graph, self.limits()) {
+        match certify(graph, self.limits()) {
             Err(SolveError::Interrupted) => Ok(None),
             certified => {
                 let certificate = certified?;

@@ -252,12 +252,6 @@ impl<const N: usize> SqrtInformation<N> {
     pub fn whiten(&self, residual: &SVector<f64, N>) -> SVector<f64, N> {
         self.0 * residual
     }
-
-    /// The information matrix RᵀR.
-    #[must_use]
-    pub fn information(&self) -> Information<N> {
-        Information(self.0.transpose() * self.0)
-    }
 }
 
 impl<const N: usize> Covariance<N> {

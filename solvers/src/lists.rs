@@ -36,6 +36,11 @@ impl<T: Copy + Default> Lists<T> {
 }
 
 impl<T> Lists<T> {
+    /// How many groups there are.
+    pub(crate) fn count(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
     /// Where the items of a group stand.
     #[inline]
     pub(crate) fn range(&self, group: usize) -> Range<usize> {

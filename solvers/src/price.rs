@@ -15,15 +15,6 @@ pub struct Price {
 }
 
 impl Price {
-    /// What two stages take that run one after the other.
-    #[must_use]
-    pub fn or(self, other: Self) -> Self {
-        Self {
-            bytes: self.bytes.max(other.bytes),
-            flops_per_iteration: self.flops_per_iteration.max(other.flops_per_iteration),
-        }
-    }
-
     /// The same with `bytes` more.
     #[must_use]
     pub fn plus_bytes(self, bytes: u64) -> Self {

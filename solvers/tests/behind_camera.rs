@@ -4,7 +4,7 @@
 //! observations.
 
 use covis_solvers::bundle_adjustment::{Options, solve};
-use covis_solvers::factors::DepthReprojection;
+use covis_solvers::factors::Reprojection;
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use covis_solvers::optimizer::ignore_iterations;
 use covis_solvers::problem::BundleProblem;
@@ -32,8 +32,9 @@ fn row_of_cameras() -> BundleProblem {
             let pixel = Vector2::new(300.0 + f64::from(landmark), 200.0 + f64::from(pose));
             problem.reprojections.push(pose, camera, landmark, pixel, 1.0);
             let (depth_m, sigma_depth_m) = (4.0 + f64::from(landmark), 0.1);
-            let factor = DepthReprojection { pixel, depth_m, sigma_px: 2.0, sigma_depth_m };
-            problem.depth_reprojections.push(pose, camera, landmark, factor);
+            let factor =
+                Reprojection { pixel, sigma_px: 2.0, depth_m: Some((depth_m, sigma_depth_m)) };
+            problem.push_observation(pose, camera, landmark, factor);
         }
     }
     problem

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use covis_solvers::bundle_adjustment::{BundleSummary, LinearSolver, Options, solve};
 use covis_solvers::evaluation::bundle_cost;
-use covis_solvers::factors::{DepthReprojection, RelativePose};
+use covis_solvers::factors::{RelativePose, Reprojection};
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
@@ -59,8 +59,8 @@ pub(crate) fn rgbd() -> Option<BundleProblem> {
             continue;
         }
         if depth_m > 0.0 {
-            let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m };
-            problem.depth_reprojections.push(keyframe as u32, 0, landmark, factor);
+            let factor = Reprojection { pixel, sigma_px, depth_m: Some((depth_m, sigma_depth_m)) };
+            problem.push_observation(keyframe as u32, 0, landmark, factor);
         } else {
             problem.reprojections.push(keyframe as u32, 0, landmark, pixel, sigma_px);
         }

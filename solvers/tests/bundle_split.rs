@@ -366,20 +366,9 @@ fn graphs_that_cannot_be_cut_or_are_in_pieces_are_solved_all_the_same() {
     pieces.constant_cameras.extend(&other.constant_cameras);
     pieces.landmarks.extend(&other.landmarks);
     pieces.constant_landmarks.extend(&other.constant_landmarks);
-    let batch = &other.depth_reprojections;
-    for k in 0..batch.len() {
-        let factor = covis_solvers::factors::DepthReprojection {
-            pixel: batch.pixels[k],
-            depth_m: batch.depths_m[k],
-            sigma_px: batch.sigmas_px[k],
-            sigma_depth_m: batch.sigmas_depth_m[k],
-        };
-        pieces.depth_reprojections.push(
-            poses + batch.poses[k],
-            cameras + batch.cameras[k],
-            landmarks + batch.landmarks[k],
-            factor,
-        );
+    for o in other.observations() {
+        let (pose, camera, landmark) = (poses + o.pose, cameras + o.camera, landmarks + o.landmark);
+        pieces.push_observation(pose, camera, landmark, o.seen);
     }
     let shifted = other.relative_poses.iter().map(|f| RelativePose {
         i: f.i + poses as usize,
@@ -417,13 +406,12 @@ fn long_tracks_never_join_the_insides_of_two_sections() {
         let landmark = problem.push_landmark(point) as u32;
         for pose in 0..problem.poses.len() {
             let in_camera: Vector3<f64> = problem.poses[pose].inverse_transform(&point);
-            let factor = covis_solvers::factors::DepthReprojection {
+            let seen = covis_solvers::factors::Reprojection {
                 pixel: nalgebra::Vector2::new(320.0, 240.0),
-                depth_m: in_camera.z,
                 sigma_px: 500.0,
-                sigma_depth_m: 5.0,
+                depth_m: Some((in_camera.z, 5.0)),
             };
-            problem.depth_reprojections.push(pose as u32, 0, landmark, factor);
+            problem.push_observation(pose as u32, 0, landmark, seen);
         }
     }
     compare("long tracks", &problem, &Options::default(), 1e-5);

@@ -4,7 +4,7 @@
 //! For the threads there are more observations than one chunk holds, so that chunks are summed too.
 
 use covis_solvers::bundle_adjustment::{BundleSummary, Class, LinearSolver, Options, solve};
-use covis_solvers::factors::DepthReprojection;
+use covis_solvers::factors::Reprojection;
 use covis_solvers::geometry::{
     Camera, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely, So3,
 };
@@ -109,8 +109,9 @@ fn row(count: usize, camera: Camera, depth: Depth, intrinsics: Intrinsics) -> Bu
                 if with_depth {
                     let depth_m = in_camera.z + noise.z * 0.02;
                     let (sigma_px, sigma_depth_m) = (0.7, 0.02);
-                    let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m };
-                    problem.depth_reprojections.push(pose, camera, landmark, factor);
+                    let factor =
+                        Reprojection { pixel, sigma_px, depth_m: Some((depth_m, sigma_depth_m)) };
+                    problem.push_observation(pose, camera, landmark, factor);
                 } else {
                     problem.reprojections.push(pose, camera, landmark, pixel, 0.7);
                 }

@@ -7,6 +7,7 @@ use covis_solvers::geometry::{LieGroup, RigidMotion, Se2, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::initialization::{chordal, odometry};
 use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::price::Limits;
 use covis_solvers::problem::{PoseGraph, SolveError};
 use nalgebra::{Vector3, Vector6};
 
@@ -30,8 +31,8 @@ fn cost<G: RigidMotion<D, N>, const D: usize, const N: usize>(graph: &PoseGraph<
 fn run<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     mut graph: PoseGraph<G, N>,
 ) -> Certificate {
-    chordal(&mut graph).unwrap();
-    let certificate = certify(&mut graph).unwrap();
+    chordal(&mut graph, Limits::NONE).unwrap();
+    let certificate = certify(&mut graph, Limits::NONE).unwrap();
     let found = cost(&graph);
     // The quadratic form subtracts large numbers: parking-garage loses nine digits.
     assert!((certificate.cost / found - 1.0).abs() < 1e-6, "{} {found}", certificate.cost);
@@ -96,7 +97,7 @@ fn a_local_minimum_is_seen_and_left() {
     let wound = Se2::from_xy_angle(0.0, 0.0, turn);
     let mut graph = wound_ring(count, &Se2::identity(), &wound, information);
     let before = cost(&graph);
-    let certificate = certify(&mut graph).unwrap();
+    let certificate = certify(&mut graph, Limits::NONE).unwrap();
     assert!(certificate.lifts > 0);
     assert!(certificate.certified, "{certificate:?}");
     assert!(certificate.cost < 1e-6 * before, "{before} {certificate:?}");
@@ -111,7 +112,7 @@ fn rings_in_space_are_unwound_at_any_size() {
         let wound = Se3::exp(&Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, turn));
         let mut graph = wound_ring(count, &Se3::identity(), &wound, information);
         let before = cost(&graph);
-        let certificate = certify(&mut graph).unwrap();
+        let certificate = certify(&mut graph, Limits::NONE).unwrap();
         assert!(certificate.certified, "{count}: {certificate:?}");
         assert!(certificate.cost < 1e-6 * before, "{count}: {before} {certificate:?}");
     }
@@ -125,9 +126,9 @@ fn the_gauge_stays_and_several_are_refused() {
     graph.constant[7] = true;
     let held = graph.poses[7];
     odometry(&mut graph).unwrap();
-    certify(&mut graph).unwrap();
+    certify(&mut graph, Limits::NONE).unwrap();
     assert_eq!(graph.poses[7], held);
     graph.constant[8] = true;
-    let error = certify(&mut graph).unwrap_err();
+    let error = certify(&mut graph, Limits::NONE).unwrap_err();
     assert!(matches!(error, SolveError::InvalidOption { field: "certify", .. }));
 }

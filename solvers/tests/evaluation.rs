@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use covis_solvers::evaluation::{bundle_cost, pose_graph_cost};
-use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
+use covis_solvers::factors::{PosePrior, PositionPrior, RelativePose, Reprojection};
 use covis_solvers::geometry::{
     Camera, KannalaBrandt, LieGroup, PinholeRadialTangential, Se2, Se3, Snavely,
 };
@@ -107,8 +107,8 @@ fn mixed_problem() -> BundleProblem {
             problem.reprojections.push(pose, camera, landmark, pixel, sigma_px);
         } else {
             let (depth_m, sigma_depth_m) = (3.0, 0.05 * sigma_px);
-            let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m };
-            problem.depth_reprojections.push(pose, camera, landmark, factor);
+            let factor = Reprojection { pixel, sigma_px, depth_m: Some((depth_m, sigma_depth_m)) };
+            problem.push_observation(pose, camera, landmark, factor);
         }
     }
     for k in 0..3 {
@@ -149,22 +149,18 @@ fn agrees_with_the_factors_on_every_kind() {
     let observed =
         |p: u32, c: u32, l: u32| (&poses[p as usize], &cameras[c as usize], &landmarks[l as usize]);
     let rho = |loss: Loss, s: f64| 0.5 * loss.evaluate(s).rho;
-    let plain = &problem.reprojections;
-    let reprojection: f64 = (0..plain.len())
-        .map(|k| {
-            let (p, c, l) = observed(plain.poses[k], plain.cameras[k], plain.landmarks[k]);
-            let residual = plain.factor(k).residual(p, c, l).unwrap();
-            rho(problem.observation_loss, residual.norm_squared())
-        })
-        .sum();
-    let deep = &problem.depth_reprojections;
-    let depth_reprojection: f64 = (0..deep.len())
-        .map(|k| {
-            let (p, c, l) = observed(deep.poses[k], deep.cameras[k], deep.landmarks[k]);
-            let residual = deep.factor(k).residual(p, c, l).unwrap();
-            rho(problem.observation_loss, residual.norm_squared())
-        })
-        .sum();
+    let of_kind = |with_depth: bool| -> f64 {
+        problem
+            .observations()
+            .filter(|o| o.seen.depth_m.is_some() == with_depth)
+            .map(|o| {
+                let (p, c, l) = observed(o.pose, o.camera, o.landmark);
+                let residual = o.seen.residual(p, c, l).unwrap();
+                rho(problem.observation_loss, residual.norm_squared())
+            })
+            .sum()
+    };
+    let (reprojection, depth_reprojection) = (of_kind(false), of_kind(true));
     let relative_pose: f64 = problem
         .relative_poses
         .iter()

@@ -1,6 +1,6 @@
 //! Observation factors: analytic Jacobians against central differences over a sweep.
 
-use covis_solvers::factors::{DepthReprojection, Reprojection};
+use covis_solvers::factors::Reprojection;
 use covis_solvers::geometry::{
     Camera, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely,
 };
@@ -53,56 +53,28 @@ fn sweep() -> impl Iterator<Item = (Se3, Vector3<f64>)> {
 
 #[test]
 fn reprojection_jacobians_match_central_differences() {
-    let factor = Reprojection { pixel: Vector2::new(300.0, 250.0), sigma_px: 0.7 };
-    for camera in cameras() {
-        for (pose, point) in sweep() {
-            let at = |pose: &Se3, camera: &Camera, point: &Vector3<f64>| {
-                factor.residual(pose, camera, point).unwrap()
-            };
-            let lin = factor.linearize(&pose, &camera, &point).unwrap();
-            assert!((lin.residual - at(&pose, &camera, &point)).norm() < 1e-9);
-            let label = format!("{camera:?}");
-            assert_jacobian(&label, |d| at(&pose.plus(d), &camera, &point), &lin.d_pose, TOLERANCE);
-            assert_jacobian(
-                &label,
-                |d| at(&pose, &camera, &(point + d)),
-                &lin.d_landmark,
-                TOLERANCE,
-            );
-            let moved = |d: &SVector<f64, 9>| {
-                let mut camera = camera;
-                camera.plus_parameters(&d.as_slice()[..camera.parameter_count()]);
-                at(&pose, &camera, &point)
-            };
-            assert_jacobian(&label, moved, &lin.d_camera, TOLERANCE);
-        }
-    }
-}
-
-#[test]
-fn depth_reprojection_jacobians_match_central_differences() {
-    let factor = DepthReprojection {
-        pixel: Vector2::new(300.0, 250.0),
-        depth_m: 2.5,
-        sigma_px: 0.7,
-        sigma_depth_m: 0.02,
-    };
-    for camera in cameras() {
-        for (pose, point) in sweep() {
-            let at =
-                |pose: &Se3, point: &Vector3<f64>| factor.residual(pose, &camera, point).unwrap();
-            let lin = factor.linearize(&pose, &camera, &point).unwrap();
-            assert!((lin.residual - at(&pose, &point)).norm() < 1e-9);
-            let label = format!("{camera:?}");
-            assert_jacobian(&label, |d| at(&pose.plus(d), &point), &lin.d_pose, TOLERANCE);
-            assert_jacobian(&label, |d| at(&pose, &(point + d)), &lin.d_landmark, TOLERANCE);
+    for depth_m in [None, Some((2.5, 0.02))] {
+        let factor = Reprojection { pixel: Vector2::new(300.0, 250.0), sigma_px: 0.7, depth_m };
+        for camera in cameras() {
+            for (pose, point) in sweep() {
+                let at = |pose: &Se3, point: &Vector3<f64>| {
+                    factor.residual(pose, &camera, point).unwrap()
+                };
+                let lin = factor.linearize(&pose, &camera, &point).unwrap();
+                assert!((lin.residual - at(&pose, &point)).norm() < 1e-9);
+                assert_eq!(lin.residual.z == 0.0, depth_m.is_none());
+                let label = format!("{camera:?}");
+                assert_jacobian(&label, |d| at(&pose.plus(d), &point), &lin.d_pose, TOLERANCE);
+                let moved = |d: &Vector3<f64>| at(&pose, &(point + d));
+                assert_jacobian(&label, moved, &lin.d_landmark, TOLERANCE);
+            }
         }
     }
 }
 
 #[test]
 fn a_point_behind_the_camera_has_a_residual_and_one_in_its_plane_has_none() {
-    let factor = Reprojection { pixel: Vector2::zeros(), sigma_px: 1.0 };
+    let factor = Reprojection { pixel: Vector2::zeros(), sigma_px: 1.0, depth_m: None };
     let camera = Camera::from(Snavely { focal: 500.0, k1: 0.0, k2: 0.0 });
     let pose = Se3::identity();
     assert!(factor.residual(&pose, &camera, &Vector3::new(0.1, 0.2, -2.0)).is_some());

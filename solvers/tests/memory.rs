@@ -14,11 +14,11 @@ use covis_solvers::bundle_adjustment::{self, LinearSolver};
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se2, Se3, So3};
 use covis_solvers::information::Information;
-use covis_solvers::interrupt::Interrupt;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{self, ignore_iterations};
 use covis_solvers::pose_graph;
-use covis_solvers::problem::{BundleProblem, PoseGraph};
+use covis_solvers::price::Ceiling;
+use covis_solvers::problem::{BundleProblem, PoseGraph, SolveError};
 use covis_solvers::testing::random::{element, normal_vector, seeded};
 use nalgebra::{SMatrix, Vector3};
 use rand::RngExt;
@@ -142,12 +142,27 @@ fn check_bundle(name: &str, problem: &BundleProblem, solvers: &[LinearSolver]) {
                 ..bundle_adjustment::Options::default()
             };
             options.optimizer.threads = Some(threads);
-            let price = bundle_adjustment::price(problem, &options).unwrap();
-            let mut solved = problem.clone();
-            let actual = peak(|| {
-                bundle_adjustment::solve(&mut solved, &options, &mut ignore_iterations).unwrap();
-            });
-            compare(&format!("{name}, {linear_solver:?}, {threads}"), price.bytes, actual);
+            let solve = |options: &bundle_adjustment::Options| {
+                let mut solved = problem.clone();
+                let mut outcome = None;
+                let actual = peak(|| {
+                    let observer = &mut ignore_iterations;
+                    outcome = Some(bundle_adjustment::solve(&mut solved, options, observer));
+                });
+                (outcome.unwrap(), actual)
+            };
+            let (summary, actual) = solve(&options);
+            // Each refusal says more of what it takes, until what is said is enough.
+            options.linear_solver = summary.unwrap().linear_solver;
+            let mut estimate = 0;
+            loop {
+                options.optimizer.ceiling = Ceiling { bytes: Some(estimate), ..Ceiling::NONE };
+                match solve(&options).0 {
+                    Err(SolveError::TooExpensive(refused)) => estimate = refused.estimate,
+                    solved => break assert!(solved.is_ok(), "{solved:?}"),
+                }
+            }
+            compare(&format!("{name}, {linear_solver:?}, {threads}"), estimate, actual);
         }
     }
 }
@@ -211,7 +226,11 @@ fn check_graph<G: LieGroup<N>, const N: usize>(name: &str, poses: usize, extra: 
         let i_from_j = truth[i].inverse().compose(&truth[j]);
         graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
     }
-    let price = pose_graph::price(&graph, &Interrupt::NEVER).unwrap();
+    let ceiling = Ceiling { bytes: Some(0), ..Ceiling::NONE };
+    let none =
+        pose_graph::Options { optimizer: optimizer::Options { ceiling, ..three_iterations() } };
+    let refused = pose_graph::solve(&mut graph.clone(), &none, &mut ignore_iterations);
+    let Err(SolveError::TooExpensive(refused)) = refused else { panic!("{name}: {refused:?}") };
     for threads in [1, 4] {
         let mut solved = graph.clone();
         let mut options = pose_graph::Options { optimizer: three_iterations() };
@@ -219,7 +238,7 @@ fn check_graph<G: LieGroup<N>, const N: usize>(name: &str, poses: usize, extra: 
         let actual = peak(|| {
             pose_graph::solve(&mut solved, &options, &mut ignore_iterations).unwrap();
         });
-        compare(&format!("{name}, {threads}"), price.bytes, actual);
+        compare(&format!("{name}, {threads}"), refused.estimate, actual);
     }
 }
 

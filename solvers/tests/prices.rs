@@ -3,10 +3,9 @@
 use std::time::Duration;
 
 use covis_solvers::geometry::{LieGroup, Se2};
-use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::{self, Termination, ignore_iterations};
 use covis_solvers::pose_graph::{self, Options};
-use covis_solvers::price::Ceiling;
+use covis_solvers::price::{Ceiling, Resource, TooExpensive};
 use covis_solvers::problem::{PoseGraph, SolveError};
 use covis_solvers::testing::random::seeded;
 
@@ -44,11 +43,17 @@ fn solve(
 #[test]
 fn a_graph_with_large_fill_is_refused_before_it_is_begun() {
     let mut graph = random_graph(3000, 9000);
-    let price = pose_graph::price(&graph, &Interrupt::NEVER).unwrap();
-    let ceiling = Ceiling { bytes: Some(price.bytes / 2), ..Ceiling::NONE };
-    let options = optimizer::Options { ceiling, ..optimizer::Options::default() };
-    let refused = solve(&mut graph, options);
-    assert!(matches!(refused, Err(SolveError::TooExpensive(_))), "{refused:?}");
+    let mut within = |bytes: u64| {
+        let ceiling = Ceiling { bytes: Some(bytes), ..Ceiling::NONE };
+        let options = optimizer::Options { ceiling, ..optimizer::Options::default() };
+        solve(&mut graph, options)
+    };
+    let refused = within(0);
+    let Err(SolveError::TooExpensive(TooExpensive { estimate, .. })) = refused else {
+        panic!("{refused:?}")
+    };
+    let half = TooExpensive { resource: Resource::Bytes, estimate, limit: estimate / 2 };
+    assert_eq!(within(estimate / 2), Err(half.into()));
 }
 
 #[test]

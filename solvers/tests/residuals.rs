@@ -4,7 +4,7 @@ use covis_solvers::bundle_adjustment::{Options, solve};
 use covis_solvers::evaluation::{
     ObservationLengths, Quantity, SigmaJudgment, bundle_cost, edge_lengths, pose_graph_cost,
 };
-use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
+use covis_solvers::factors::{PosePrior, PositionPrior, RelativePose, Reprojection};
 use covis_solvers::geometry::{LieGroup, Se2, Se3, So3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
@@ -81,18 +81,14 @@ fn outliers_do_not_decide_about_a_sigma() {
 fn landmarks_that_one_pose_sees_count_apart() {
     let mut problem = walk();
     let before = bundle_cost(&problem).residuals;
-    let measurement = DepthReprojection {
-        pixel: Vector2::new(10.0, 20.0),
-        depth_m: 2.0,
-        sigma_px: 1.0,
-        sigma_depth_m: 0.1,
-    };
+    let pixel = Vector2::new(10.0, 20.0);
+    let measurement = Reprojection { pixel, sigma_px: 1.0, depth_m: Some((2.0, 0.1)) };
     for _ in 0..300 {
         let camera = problem.cameras[0];
         let ray = camera.unproject(&measurement.pixel).unwrap();
         let point = problem.poses[0].transform(&(ray * (2.0 / ray.z)));
         let landmark = problem.push_landmark(point) as u32;
-        problem.depth_reprojections.push(0, 0, landmark, measurement);
+        problem.push_observation(0, 0, landmark, measurement);
     }
     let after = bundle_cost(&problem).residuals;
     for quantity in [Quantity::Pixel, Quantity::Depth] {

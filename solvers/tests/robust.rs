@@ -6,15 +6,26 @@ use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{LieGroup, RigidMotion, Se2, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::initialization::Start;
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::optimizer::ignore_iterations;
+use covis_solvers::pose_graph::Options;
 use covis_solvers::problem::{PoseGraph, SolveError};
-use covis_solvers::robust::{Kernel, Options, RobustSummary, solve};
+use covis_solvers::robust::{self, Judging, Kernel, RobustSummary};
 use covis_solvers::testing::random::{element, normal_vector, seeded};
 use nalgebra::{SVector, Vector3};
 use rand::RngExt;
 
 use crate::io::data::data;
+
+fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    has_poses: bool,
+    judging: &Judging,
+) -> Result<RobustSummary, SolveError> {
+    let (start, options) = ((Start::Auto, has_poses), Options::default());
+    robust::solve(graph, start, judging, &options, &Interrupt::NEVER, &mut ignore_iterations)
+}
 
 /// Laps of a circle, each place seen again in every lap; the last `false_closures` edges are false.
 fn laps<G: RigidMotion<D, N>, const D: usize, const N: usize>(
@@ -57,7 +68,7 @@ fn finds_the_false_ones<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 ) {
     let (mut graph, truth) = laps::<G, D, N>(step, 120, 3);
     let first_false = graph.edges.len() - 120;
-    let summary = solve(&mut graph, false, &Options::new(kernel), &mut ignore_iterations).unwrap();
+    let summary = solve(&mut graph, false, &Judging::new(kernel)).unwrap();
     assert!(summary.solve.termination.is_converged());
     assert_eq!(summary.start, Start::Chordal);
     assert_eq!(summary.closures.len(), 240);
@@ -76,8 +87,9 @@ fn finds_the_false_ones<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 
 /// Solves without robustness; returns the cost.
 fn plain<G: LieGroup<N>, const N: usize>(graph: &mut PoseGraph<G, N>) -> f64 {
-    let options = covis_solvers::pose_graph::Options::default();
-    covis_solvers::pose_graph::solve(graph, &options, &mut ignore_iterations).unwrap().final_cost
+    covis_solvers::pose_graph::solve(graph, &Options::default(), &mut ignore_iterations)
+        .unwrap()
+        .final_cost
 }
 
 #[test]
@@ -95,8 +107,8 @@ fn without_false_closures_all_are_kept_and_the_result_is_the_plain_one() {
     let step = Vector3::new(1.0, 0.0, std::f64::consts::TAU / 40.0);
     let (mut graph, truth) = laps::<Se2, 2, 3>(&step, 0, 4);
     let mut clean = PoseGraph { poses: truth, ..graph.clone() };
-    let options = Options { threshold: Some(40.0), ..Options::new(Kernel::TruncatedLeastSquares) };
-    let summary = solve(&mut graph, false, &options, &mut ignore_iterations).unwrap();
+    let judging = Judging { threshold: Some(40.0), ..Judging::new(Kernel::TruncatedLeastSquares) };
+    let summary = solve(&mut graph, false, &judging).unwrap();
     assert!(summary.closures.iter().all(|v| v.weight == 1.0 && !v.is_switched_off));
     let (cost, reference) = (summary.solve.final_cost, plain(&mut clean));
     assert!((cost / reference - 1.0).abs() < 1e-8, "{cost} {reference}");
@@ -108,8 +120,8 @@ fn a_closure_that_alone_ties_two_parts_together_is_judged_without_tearing_the_gr
     let (mut graph, _) = laps::<Se2, 2, 3>(&step, 0, 5);
     // Without the step from 79 to 80 the laps hang together by closures only.
     graph.edges.retain(|edge| (edge.i, edge.j) != (79, 80));
-    let options = Options::new(Kernel::TruncatedLeastSquares);
-    let summary = solve(&mut graph, false, &options, &mut ignore_iterations).unwrap();
+    let judging = Judging::new(Kernel::TruncatedLeastSquares);
+    let summary = solve(&mut graph, false, &judging).unwrap();
     assert!(summary.solve.final_cost.is_finite());
     assert!(graph.poses.iter().all(LieGroup::is_finite));
 }
@@ -119,12 +131,12 @@ fn trusted_closures_are_not_judged_and_a_threshold_must_be_a_number() {
     let step = Vector3::new(1.0, 0.0, 0.1);
     let (mut graph, _) = laps::<Se2, 2, 3>(&step, 5, 6);
     let last = graph.edges.len() - 1;
-    let options = Options { trusted: vec![last], ..Options::new(Kernel::TruncatedLeastSquares) };
-    let summary = solve(&mut graph, false, &options, &mut ignore_iterations).unwrap();
+    let judging = Judging { trusted: vec![last], ..Judging::new(Kernel::TruncatedLeastSquares) };
+    let summary = solve(&mut graph, false, &judging).unwrap();
     assert!(summary.closures.iter().all(|v| v.edge != last));
     for threshold in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let options = Options { threshold: Some(threshold), ..Options::new(Kernel::GemanMcClure) };
-        let error = solve(&mut graph, false, &options, &mut ignore_iterations).unwrap_err();
+        let judging = Judging { threshold: Some(threshold), ..Judging::new(Kernel::GemanMcClure) };
+        let error = solve(&mut graph, false, &judging).unwrap_err();
         assert!(matches!(error, SolveError::InvalidOption { field: "threshold", .. }));
     }
 }
@@ -140,7 +152,7 @@ fn sphere(kernel: Kernel) -> Option<(RobustSummary, PoseGraph<Se3, 6>, PoseGraph
     let mut clean = read("pose_graph/sphere2500.g2o")?;
     let mut graph = read("pose_graph/sphere2500_outliers.g2o")?;
     plain(&mut clean);
-    let summary = solve(&mut graph, true, &Options::new(kernel), &mut ignore_iterations).unwrap();
+    let summary = solve(&mut graph, true, &Judging::new(kernel)).unwrap();
     Some((summary, graph, clean))
 }
 
@@ -179,8 +191,8 @@ fn more_false_closures_do_not_change_the_verdicts_on_those_of_a_recording() {
     let mut graph = file.to_pose_graph().unwrap();
     let given = graph.edges.len();
     let off = |mut graph: PoseGraph<Se2, 3>| -> BTreeSet<usize> {
-        let options = Options::new(Kernel::TruncatedLeastSquares);
-        let summary = solve(&mut graph, true, &options, &mut ignore_iterations).unwrap();
+        let judging = Judging::new(Kernel::TruncatedLeastSquares);
+        let summary = solve(&mut graph, true, &judging).unwrap();
         assert!(summary.solve.termination.is_converged());
         let off = summary.closures.iter().filter(|verdict| verdict.is_switched_off);
         off.map(|verdict| verdict.edge).collect()

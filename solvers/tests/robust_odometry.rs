@@ -4,9 +4,12 @@
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
+use covis_solvers::initialization::Start;
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::ignore_iterations;
+use covis_solvers::pose_graph::Options;
 use covis_solvers::problem::PoseGraph;
-use covis_solvers::robust::{Kernel, Options, RobustSummary, solve};
+use covis_solvers::robust::{Judging, Kernel, RobustSummary, solve};
 use nalgebra::Vector6;
 
 const KERNELS: [Kernel; 2] = [Kernel::TruncatedLeastSquares, Kernel::GemanMcClure];
@@ -51,9 +54,14 @@ fn off(summary: &RobustSummary) -> Vec<usize> {
     off.map(|verdict| verdict.edge).collect()
 }
 
+fn solve_from(start: Start, graph: &mut PoseGraph<Se3, 6>, kernel: Kernel) -> RobustSummary {
+    let judging = Judging { trust_odometry: true, ..Judging::new(kernel) };
+    let (start, options) = ((start, true), Options::default());
+    solve(graph, start, &judging, &options, &Interrupt::NEVER, &mut ignore_iterations).unwrap()
+}
+
 fn run(graph: &mut PoseGraph<Se3, 6>, kernel: Kernel) -> RobustSummary {
-    let options = Options { trust_odometry: true, ..Options::new(kernel) };
-    let summary = solve(graph, true, &options, &mut ignore_iterations).unwrap();
+    let summary = solve_from(Start::Auto, graph, kernel);
     assert!(summary.solve.termination.is_converged(), "{summary:?}");
     summary
 }
@@ -153,12 +161,8 @@ fn verdicts_do_not_depend_on_where_the_poses_are() {
     for (k, pose) in moved.poses.iter_mut().enumerate().skip(1) {
         *pose = pose.plus(&Vector6::repeat(0.01 * k as f64));
     }
-    let options = Options {
-        trust_odometry: true,
-        start: covis_solvers::initialization::Start::Odometry,
-        ..Options::new(Kernel::TruncatedLeastSquares)
-    };
-    let [a, b] = [&mut graph, &mut moved]
-        .map(|graph| solve(graph, true, &options, &mut ignore_iterations).unwrap().closures);
+    let kernel = Kernel::TruncatedLeastSquares;
+    let [a, b] =
+        [&mut graph, &mut moved].map(|graph| solve_from(Start::Odometry, graph, kernel).closures);
     assert_eq!(a, b);
 }

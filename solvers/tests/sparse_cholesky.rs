@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use covis_solvers::geometry::LieGroup;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::g2o::G2oGraph;
-use covis_solvers::linear::{BlockMatrix, BlockPattern, Class, LinearError, SparseCholesky};
+use covis_solvers::linear::{BlockMatrix, BlockPattern, Cholesky, Class, LinearError};
 use covis_solvers::problem::PoseGraph;
 use faer::linalg::solvers::Solve;
 use faer::sparse::{SparseColMat, Triplet};
@@ -79,7 +79,12 @@ fn solved_by_faer(matrix: &BlockMatrix, added: &[f64], rhs: &[f64]) -> Vec<f64> 
     (0..n).map(|i| x[(i, 0)]).collect()
 }
 
-fn solution(solver: &mut SparseCholesky, rhs: &[f64]) -> Vec<f64> {
+fn sparse(pattern: &Arc<BlockPattern>) -> Cholesky {
+    let ordered = Cholesky::order(pattern, &Interrupt::NEVER).unwrap();
+    Cholesky::ordered(Arc::clone(pattern), ordered).unwrap()
+}
+
+fn solution(solver: &mut Cholesky, rhs: &[f64]) -> Vec<f64> {
     let mut x = rhs.to_vec();
     solver.solve(&mut x);
     x
@@ -119,7 +124,7 @@ proptest! {
         let n = pattern.dimension();
         let added: Vec<f64> = (0..n).map(|_| random.next().abs()).collect();
         let rhs: Vec<f64> = (0..n).map(|_| random.next()).collect();
-        let mut solver = SparseCholesky::new(pattern).unwrap();
+        let mut solver = sparse(&pattern);
         solver.factor(&matrix, &added).unwrap();
         let expected = solved_by_faer(&matrix, &added, &rhs);
         let scale = expected.iter().fold(1e-3f64, |m, v| m.max(v.abs()));
@@ -135,8 +140,9 @@ fn bits_depend_neither_on_threads_nor_on_fused_classes() {
         let matrix = random_matrix(&pattern, 3);
         let rhs: Vec<f64> = (0..pattern.dimension()).map(|k| (k as f64).sin()).collect();
         let run = |class: Class, threads| {
-            let mut solver = SparseCholesky::new(pattern.clone()).unwrap();
-            solver.set_class(class);
+            let mut solver = sparse(&pattern);
+            let Cholesky::Sparse(kernels) = &mut solver else { panic!("{solver:?}") };
+            kernels.set_class(class);
             on_threads(threads, || solver.factor(&matrix, &[]).unwrap());
             let mut x = vec![0.0; rhs.len()];
             let residual = solver.solve_checked(&matrix, &[], &rhs, &mut x);
@@ -165,28 +171,12 @@ fn the_failing_pivot_is_named_on_any_number_of_threads() {
         let mut matrix = random_matrix(&pattern, 5);
         matrix.block_mut(block, block).unwrap()[2 * 7] = -1e3;
         for threads in [1, 2, 3] {
-            let mut solver = SparseCholesky::new(pattern.clone()).unwrap();
+            let mut solver = sparse(&pattern);
             let outcome = on_threads(threads, || solver.factor(&matrix, &[]));
             let expected = LinearError::NotPositiveDefinite { block, scalar: 6 * block + 2 };
             assert_eq!(outcome, Err(expected), "{threads} threads");
         }
     }
-}
-
-#[test]
-fn a_long_chain_in_its_own_order_needs_no_deep_stack() {
-    // Each node's subtree is most of the work: a tree of branches, one under the other.
-    let count = 30_000_usize;
-    let pairs = (1..count).flat_map(|i| [(i, i - 1), (i, i.saturating_sub(2)), (i, i / 2 * 2)]);
-    let pattern = Arc::new(BlockPattern::new(vec![6; count], pairs));
-    let matrix = random_matrix(&pattern, 8);
-    let mut ordering = SparseCholesky::new(pattern.clone()).unwrap().ordering().clone();
-    ordering.order = (0..count as u32).collect();
-    let mut solver = SparseCholesky::with_ordering(pattern.clone(), ordering).unwrap();
-    let rhs = vec![1.0; pattern.dimension()];
-    let mut x = vec![0.0; rhs.len()];
-    on_threads(2, || solver.factor(&matrix, &[]).unwrap());
-    assert!(solver.solve_checked(&matrix, &[], &rhs, &mut x) < 1e-13);
 }
 
 /// JᵀΩJ and JᵀΩr at the graph's poses without the first pose.
@@ -236,7 +226,7 @@ fn hessians_of_public_graphs_are_solved_to_rounding() {
             G2oGraph::Se2(file) => normal_equations(&file.to_pose_graph().unwrap()),
             G2oGraph::Se3(file) => normal_equations(&file.to_pose_graph().unwrap()),
         };
-        let mut solver = SparseCholesky::new(matrix.pattern().clone()).unwrap();
+        let mut solver = sparse(matrix.pattern());
         solver.factor(&matrix, &[]).unwrap();
         // g = H x for an x of ones and of the gradient's signs: of the size that a solve meets.
         let ones: Vec<f64> = gradient.iter().map(|g| g.signum()).collect();
@@ -255,7 +245,7 @@ fn hessians_of_public_graphs_are_solved_to_rounding() {
 fn a_solve_ends_when_the_factorization_may_not_go_on() {
     let pattern = Arc::new(BlockPattern::new(vec![6; 300], (1..300).map(|i| (i, i / 2))));
     let matrix = random_matrix(&pattern, 5);
-    let mut solver = SparseCholesky::new(pattern).unwrap();
+    let mut solver = sparse(&pattern);
     let flag = Arc::new(AtomicBool::new(false));
     let interrupt = Interrupt::NEVER.or_when(Arc::clone(&flag));
     solver.factor_until(&matrix, &[], &interrupt).unwrap();

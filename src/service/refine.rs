@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use covis_solvers::evaluation::bundle_cost;
-use covis_solvers::factors::{DepthReprojection, PosePrior};
+use covis_solvers::factors::{PosePrior, Reprojection};
 use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::interrupt::{Interrupt, Interruption};
@@ -135,14 +135,8 @@ fn as_bundle(input: &Input, pose: Se3) -> BundleProblem {
     problem.push_camera(input.camera, true);
     for (index, seen) in (0u32..).zip(&input.observations) {
         problem.push_landmark(seen.point_in_world);
-        let (pixel, sigma_px) = (seen.pixel, seen.sigma_px);
-        match seen.depth_m {
-            None => problem.reprojections.push(0, 0, index, pixel, sigma_px),
-            Some((depth_m, sigma_depth_m)) => {
-                let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m };
-                problem.depth_reprojections.push(0, 0, index, factor);
-            }
-        }
+        let PointObservation { pixel, sigma_px, depth_m, .. } = *seen;
+        problem.push_observation(0, 0, index, Reprojection { pixel, sigma_px, depth_m });
     }
     problem.constant_landmarks.fill(true);
     problem.pose_priors = input.prior.iter().map(as_factor).collect();

@@ -8,6 +8,7 @@
 use super::layout::Layout;
 use super::sorted::Chunk;
 use crate::interrupt::Interrupt;
+use crate::lists::Lists;
 use crate::parallel;
 
 /// Marks a pair of observations that has no block: a view that is constant.
@@ -129,19 +130,8 @@ fn walk(layout: &Layout, chunk: &Chunk, interrupt: &Interrupt, visitor: &mut imp
     visitor.begin(starts, total);
     // Observations by view, so that one stamp a view tells whether a pair was met.
     let count = chunk.views.len();
-    let mut next = vec![0_u32; count + 1];
-    for &local in &locals[chunk.observations.clone()] {
-        next[local as usize + 1] += 1;
-    }
-    for v in 0..count {
-        next[v + 1] += next[v];
-    }
-    let mut by_view = vec![0_u32; chunk.observations.len()];
-    for o in chunk.observations.clone() {
-        let slot = &mut next[locals[o] as usize];
-        by_view[*slot as usize] = (o - first) as u32;
-        *slot += 1;
-    }
+    let of_view = chunk.observations.clone().map(|o| (locals[o] as usize, (o - first) as u32));
+    let by_view = Lists::new(count, of_view).items;
     let mut stamp = vec![(u32::MAX, 0_u32); count];
     let mut unasked = 0;
     for &o in &by_view {

@@ -35,8 +35,7 @@ use nalgebra::Vector3;
 use crate::geometry::{Camera, Se3};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{
-    self, IterationSummary, LoopState, Observer, SolveSummary, Unmoved, minimize_from,
-    minimize_until, with_threads,
+    self, IterationSummary, LoopState, Observer, SolveSummary, Unmoved, minimize, with_threads,
 };
 use crate::price::{Limits, Price};
 use crate::problem::{BundleProblem, SolveError};
@@ -45,7 +44,6 @@ pub use crate::simd::Class;
 use eliminator::Kernels;
 use held::Held;
 use layout::Layout;
-use reduced_solver::plan;
 use system::BundleSystem;
 use variables::Variables;
 
@@ -139,28 +137,27 @@ fn run<'a>(
         let run = (start, &interrupt);
         let held = Held::Borrowed(&mut *problem);
         let variables = Variables::new(held, &layout, kernels, class, interrupt.clone());
-        let (solve, linear_solver) =
-            match BundleSystem::new(variables, options.linear_solver, limits) {
-                Ok(mut system) => {
-                    system.keeper = match keeper {
-                        Some(keeper) => Some(keeper),
-                        None => None,
-                    };
-                    let solve = minimize_from(&mut system, &options.optimizer, run, from, observer);
-                    let linear_solver = system.linear_solver();
-                    system.finish();
-                    (solve, linear_solver)
-                }
-                Err(SolveError::Interrupted) => {
-                    let held = Held::Borrowed(&mut *problem);
-                    let mut start =
-                        Variables::new(held, &layout, kernels, class, interrupt.clone());
-                    let mut start = Unmoved(start.cost());
-                    let solve = minimize_until(&mut start, &options.optimizer, run, observer);
-                    (solve, options.linear_solver)
-                }
-                Err(error) => return Err(error),
-            };
+        let system = BundleSystem::new(variables, options.linear_solver, limits);
+        let (solve, linear_solver) = match system {
+            Ok(mut system) => {
+                system.keeper = match keeper {
+                    Some(keeper) => Some(keeper),
+                    None => None,
+                };
+                let solve = minimize(&mut system, &options.optimizer, run, from, observer);
+                let linear_solver = system.linear_solver();
+                system.finish();
+                (solve, linear_solver)
+            }
+            Err(SolveError::Interrupted) => {
+                let held = Held::Borrowed(&mut *problem);
+                let mut start = Variables::new(held, &layout, kernels, class, interrupt.clone());
+                let mut start = Unmoved(start.cost());
+                let solve = minimize(&mut start, &options.optimizer, run, None, observer);
+                (solve, options.linear_solver)
+            }
+            Err(error) => return Err(error),
+        };
         let behind_camera = problem.behind_camera_count();
         Ok(BundleSummary { solve, linear_solver, behind_camera, class })
     })?
@@ -218,25 +215,6 @@ pub fn solve_kept(
     }
     let from = from.map(|from| &from.state);
     run(problem, options, &Interrupt::NEVER, (from, Some(keeper)), observer)
-}
-
-/// What [`solve`] would take, as far as it allocates memory besides the problem.
-///
-/// With a ceiling in the options, counting ends where it is passed: [`SolveError::TooExpensive`] then
-/// has an estimate that the truth may be above.
-///
-/// # Errors
-/// As [`solve`].
-pub fn price(problem: &BundleProblem, options: &Options) -> Result<Price, SolveError> {
-    options.optimizer.validate()?;
-    problem.validate()?;
-    with_threads(options.optimizer.threads, || {
-        let layout = Arc::new(Layout::new(problem)?);
-        let costs = (Kernels::of(problem, &layout).costs)(problem, &layout);
-        let ceiling = options.optimizer.ceiling;
-        let limits = Limits { ceiling, interrupt: &Interrupt::NEVER };
-        plan(problem, &layout, options.linear_solver, &costs, limits).map(|plan| plan.price)
-    })?
 }
 
 /// At least what [`solve`] takes with any solver that [`LinearSolver::Auto`] would choose, in the time

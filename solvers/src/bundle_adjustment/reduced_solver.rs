@@ -45,13 +45,8 @@ pub(super) struct Choice {
     pub(super) direct: Option<(Box<Cholesky>, Vec<ChunkPairs>)>,
 }
 
-/// A choice for which nothing large was allocated yet, and what it takes.
-pub(super) struct Plan {
-    kind: Kind,
-    pub(super) price: Price,
-}
-
-enum Kind {
+/// A choice for which nothing large was allocated yet.
+enum Plan {
     Dense,
     Sparse { pattern: Arc<BlockPattern>, pairs: Vec<ChunkPairs>, ordered: Ordered },
     Iterative,
@@ -71,20 +66,27 @@ pub(super) fn choose(
     let sizes = layout.block_sizes.clone();
     let dimension: usize = sizes.iter().sum();
     let failed = |error: LinearError| from_linear(error, dimension);
-    match plan(problem, layout, wish, costs, limits)?.kind {
-        Kind::Dense => {
+    let auto = wish == LinearSolver::Auto;
+    let plan = match plan(problem, layout, wish, costs, limits) {
+        // The matrix does not fit; without it, it may.
+        Err(SolveError::TooExpensive(_) | SolveError::TooLarge { .. }) if auto => Plan::Iterative,
+        other => other?,
+    };
+    match plan {
+        Plan::Dense => {
             let pairs = covisible_pairs(layout, limits.interrupt).ok_or(SolveError::Interrupted)?;
             let pattern = Arc::new(BlockPattern::full(sizes));
             let cholesky = Box::new(Cholesky::dense(Arc::clone(&pattern)).map_err(failed)?);
             let direct = Some((cholesky, pairs));
             Ok(Choice { linear_solver: LinearSolver::DenseSchur, pattern, direct })
         }
-        Kind::Sparse { pattern, pairs, ordered } => {
+        Plan::Sparse { pattern, pairs, ordered } => {
             let cholesky = Cholesky::ordered(Arc::clone(&pattern), ordered).map_err(failed)?;
             let direct = Some((Box::new(cholesky), pairs));
             Ok(Choice { linear_solver: LinearSolver::SparseSchur, pattern, direct })
         }
-        Kind::Iterative => {
+        Plan::Iterative => {
+            limits.ceiling.admit(&costs.iterative())?;
             let pattern = Arc::new(BlockPattern::new(sizes, []));
             let linear_solver = LinearSolver::IterativeSchur;
             Ok(Choice { linear_solver, pattern, direct: None })
@@ -92,42 +94,20 @@ pub(super) fn choose(
     }
 }
 
-/// Plans as [`choose`] would.
-pub(super) fn plan(
+/// Plans within the ceiling as far as there is a matrix.
+fn plan(
     problem: &BundleProblem,
     layout: &Layout,
     wish: LinearSolver,
     costs: &Costs,
     limits: Limits<'_>,
 ) -> Result<Plan, SolveError> {
-    let auto = wish == LinearSolver::Auto;
-    let direct = match plan_direct(problem, layout, wish, costs, limits) {
-        // The matrix does not fit; without it, it may.
-        Err(SolveError::TooExpensive(_) | SolveError::TooLarge { .. }) if auto => None,
-        other => other?,
-    };
-    if let Some(direct) = direct {
-        return Ok(direct);
-    }
-    let price = costs.iterative();
-    limits.ceiling.admit(&price)?;
-    Ok(Plan { kind: Kind::Iterative, price })
-}
-
-/// A plan with the matrix; `None` where conjugate gradients are wished or expected to be cheaper.
-fn plan_direct(
-    problem: &BundleProblem,
-    layout: &Layout,
-    wish: LinearSolver,
-    costs: &Costs,
-    limits: Limits<'_>,
-) -> Result<Option<Plan>, SolveError> {
     let dimension: usize = layout.block_sizes.iter().sum();
     let auto = wish == LinearSolver::Auto;
     let dense = || -> Result<Plan, SolveError> {
         let matrix = dense_price(dimension).plus_bytes(costs.full_matrix_bytes());
-        let price = paired(layout, costs, |_slots| matrix, limits)?;
-        Ok(Plan { kind: Kind::Dense, price })
+        paired(layout, costs, |_slots| matrix, limits)?;
+        Ok(Plan::Dense)
     };
     let numbered = || match can_be_numbered(layout) {
         true => Ok(()),
@@ -135,14 +115,14 @@ fn plan_direct(
     };
     if wish == LinearSolver::DenseSchur || (auto && dimension <= DENSE_DIMENSION) {
         numbered()?;
-        return dense().map(Some);
+        return dense();
     }
     let observations = layout.sorted.observation_count() as f64;
     let affordable = PRODUCTS * observations - PAIR_COST * layout.sorted.pair_count as f64;
     if wish == LinearSolver::IterativeSchur
         || (auto && FLOP_COST * least_factor_flops(layout) > affordable)
     {
-        return Ok(None);
+        return Ok(Plan::Iterative);
     }
     numbered()?;
     // The lists of pairs alone may be too many.
@@ -154,12 +134,12 @@ fn plan_direct(
     let pattern = Arc::new(BlockPattern::new(layout.block_sizes.clone(), tied));
     if auto && pattern.density() > DENSE_FILL {
         let flops = (dimension as f64).powi(3) / 3.0;
-        return if FLOP_COST * flops > affordable { Ok(None) } else { dense().map(Some) };
+        return if FLOP_COST * flops > affordable { Ok(Plan::Iterative) } else { dense() };
     }
     let failed = |error: LinearError| from_linear(error, dimension);
     let ordered = Cholesky::order(&pattern, limits.interrupt).map_err(failed)?;
     if auto && FLOP_COST * ordered.price().flops_per_iteration > affordable {
-        return Ok(None);
+        return Ok(Plan::Iterative);
     }
     let values = 8 * pattern.value_count() as u64 + 24 * pattern.stored_block_count() as u64;
     let price = Price {
@@ -167,7 +147,7 @@ fn plan_direct(
         flops_per_iteration: base.flops_per_iteration + ordered.price().flops_per_iteration,
     };
     limits.ceiling.admit(&price)?;
-    Ok(Some(Plan { kind: Kind::Sparse { pattern, pairs, ordered }, price }))
+    Ok(Plan::Sparse { pattern, pairs, ordered })
 }
 
 /// What a solve takes with the pairs of views and `more`, which may grow with their slots.

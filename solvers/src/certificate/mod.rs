@@ -18,11 +18,10 @@ use quadratic::{Lifted, data_matrix};
 
 use crate::geometry::RigidMotion;
 pub use crate::initialization::IsotropicPrecision;
-use crate::interrupt::Interrupt;
-use crate::linear::{BlockPattern, Cholesky, LinearError};
+use crate::linear::{BlockPattern, LinearError};
 use crate::optimizer::from_linear;
 use crate::order;
-use crate::price::{Ceiling, Limits, Price};
+use crate::price::{Ceiling, Limits};
 use crate::problem::{PoseGraph, SolveError};
 
 /// Rows that may be added to the rotations.
@@ -52,37 +51,6 @@ pub struct Certificate {
     pub lifts: usize,
 }
 
-/// Moves the poses of `graph` to the best state of the chordal objective that is found from where
-/// they are, and says what is proved of it.
-///
-/// The first constant pose, or the one with the lowest id, stays where it is. The graph's loss does
-/// not count. Start near a good state: [`crate::initialization::chordal`].
-///
-/// # Errors
-/// Those of [`PoseGraph::validate`]; [`SolveError::InvalidOption`] where several poses are constant or
-/// there are priors, since the objective knows one gauge; [`SolveError::TooLarge`].
-pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-) -> Result<Certificate, SolveError> {
-    certify_within(graph, Limits::NONE)
-}
-
-/// What [`certify`] takes besides the graph.
-///
-/// # Errors
-/// [`SolveError::Interrupted`].
-pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    let pattern = quadratic::pattern(graph);
-    let factor = Cholesky::price(&pattern, interrupt);
-    let factor = factor.map_err(|error| from_linear(error, pattern.dimension()))?;
-    // The preconditioner stands while the dual is factored.
-    let bytes = 2 * factor.bytes + linear_bytes::<D>(&pattern);
-    Ok(Price { bytes, flops_per_iteration: factor.flops_per_iteration })
-}
-
 /// Bytes besides the two factors: the matrix and the dual's, states, and the vectors of Lanczos.
 fn linear_bytes<const D: usize>(pattern: &BlockPattern) -> u64 {
     let rows = 2 * (D + MAX_LIFTS) + 8 * (D + MAX_LIFTS) + dual::LANCZOS_STEPS + 8;
@@ -90,11 +58,18 @@ fn linear_bytes<const D: usize>(pattern: &BlockPattern) -> u64 {
     matrices + 8 * (rows * pattern.dimension()) as u64 + pattern.bytes()
 }
 
-/// As [`certify`], within `limits`. `graph` is untouched after an error.
+/// Moves the poses of `graph` to the best state of the chordal objective that is found from where
+/// they are, and says what is proved of it.
+///
+/// The first constant pose, or the one with the lowest id, stays where it is. The graph's loss does
+/// not count. Start near a good state: [`crate::initialization::chordal`]. `graph` is untouched after
+/// an error.
 ///
 /// # Errors
-/// As [`certify`]; [`SolveError::TooExpensive`], [`SolveError::Interrupted`].
-pub fn certify_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+/// Those of [`PoseGraph::validate`]; [`SolveError::InvalidOption`] where several poses are constant or
+/// there are priors, since the objective knows one gauge; [`SolveError::TooLarge`],
+/// [`SolveError::TooExpensive`], [`SolveError::Interrupted`].
+pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     limits: Limits<'_>,
 ) -> Result<Certificate, SolveError> {

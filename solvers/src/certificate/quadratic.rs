@@ -82,21 +82,16 @@ impl Lifted {
     }
 }
 
-/// The blocks of M.
-pub(super) fn pattern<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &PoseGraph<G, N>,
-) -> BlockPattern {
-    let edges = graph.edges.iter().filter(|edge| edge.i != edge.j);
-    BlockPattern::new(vec![D + 1; graph.poses.len()], edges.map(|edge| (edge.i, edge.j)))
-}
-
 /// M of the edges of `graph`.
 pub(super) fn data_matrix<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &PoseGraph<G, N>,
 ) -> BlockMatrix {
     let size = D + 1;
-    let mut matrix = BlockMatrix::new(Arc::new(pattern(graph)));
-    for edge in graph.edges.iter().filter(|edge| edge.i != edge.j) {
+    let edges = || graph.edges.iter().filter(|edge| edge.i != edge.j);
+    let pairs = edges().map(|edge| (edge.i, edge.j));
+    let mut matrix =
+        BlockMatrix::new(Arc::new(BlockPattern::new(vec![size; graph.poses.len()], pairs)));
+    for edge in edges() {
         let precision = IsotropicPrecision::of::<D, N>(&edge.information);
         let (kappa, tau) = (precision.rotation, precision.translation);
         let z = edge.i_from_j.rotation_matrix();

@@ -12,7 +12,7 @@ use super::sum::CompensatedSum;
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::information::Information;
 use crate::loss::Loss;
-use crate::problem::{BundleProblem, PoseGraph};
+use crate::problem::{BundleProblem, Observation, PoseGraph};
 
 /// One kind of factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -99,14 +99,23 @@ pub fn pose_graph_cost<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G,
 #[must_use]
 pub fn bundle_cost(problem: &BundleProblem) -> CostReport {
     let mut pixels = PixelStatistics::default();
-    let reprojection = reprojections(problem, &mut pixels);
-    let depth_reprojection = depth_reprojections(problem, &mut pixels);
+    let (mut plain, mut with_depth) = (Tally::default(), Tally::default());
+    for seen in observed(problem) {
+        pixels.add(seen.square, seen.depth);
+        let s = seen.square / seen.sigma_px.powi(2);
+        match seen.depth_error {
+            None => plain.add(problem.observation_loss, s),
+            Some((error, sigma)) => {
+                with_depth.add(problem.observation_loss, s + (error / sigma).powi(2));
+            }
+        }
+    }
     let relative_pose =
         relative_poses(&problem.relative_poses, &problem.poses, problem.relative_pose_loss);
     CostReport {
         total: 0.0,
-        reprojection,
-        depth_reprojection,
+        reprojection: plain.cost(),
+        depth_reprojection: with_depth.cost(),
         relative_pose,
         pose_prior: pose_priors(&problem.pose_priors, &problem.poses),
         position_prior: position_priors(&problem.position_priors, &problem.poses),
@@ -137,56 +146,40 @@ impl PixelStatistics {
     }
 }
 
-/// Plain forms of the problem's poses, made once.
-pub(super) fn rigids(problem: &BundleProblem) -> Vec<Rigid> {
-    problem.poses.iter().map(Rigid::of).collect()
+/// An observation at the values of its problem; not a number where an index has no variable.
+pub(super) struct Observed {
+    pub(super) pose: u32,
+    pub(super) landmark: u32,
+    /// ‖(u, v) − measured‖², px².
+    pub(super) square: f64,
+    pub(super) sigma_px: f64,
+    /// z of the landmark in the camera, m.
+    pub(super) depth: f64,
+    /// z − measured and the standard deviation, m, where a depth was measured.
+    pub(super) depth_error: Option<(f64, f64)>,
 }
 
-/// The pixel error (squared) and the depth of one observation; NaN where an index has no variable.
-pub(super) fn observe(
-    problem: &BundleProblem,
-    rigids: &[Rigid],
-    [pose, camera, landmark]: [u32; 3],
-    pixel: [f64; 2],
-) -> (f64, f64) {
-    let variables = (
-        rigids.get(pose as usize),
-        problem.cameras.get(camera as usize),
-        problem.landmarks.get(landmark as usize),
-    );
-    let (Some(pose), Some(camera), Some(landmark)) = variables else {
-        return (f64::NAN, f64::NAN);
-    };
-    let point_in_camera: Vector3<f64> = pose.to_local(landmark);
-    let [u, v] = project(camera, &point_in_camera);
-    let (du, dv) = (u - pixel[0], v - pixel[1]);
-    (du * du + dv * dv, point_in_camera.z)
-}
-
-fn reprojections(problem: &BundleProblem, pixels: &mut PixelStatistics) -> FactorCost {
-    let (batch, rigids) = (&problem.reprojections, rigids(problem));
-    let mut tally = Tally::default();
-    for k in 0..batch.len() {
-        let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
-        let (error, depth) = observe(problem, &rigids, indices, batch.pixels[k].into());
-        pixels.add(error, depth);
-        tally.add(problem.observation_loss, error / batch.sigmas_px[k].powi(2));
-    }
-    tally.cost()
-}
-
-fn depth_reprojections(problem: &BundleProblem, pixels: &mut PixelStatistics) -> FactorCost {
-    let (batch, rigids) = (&problem.depth_reprojections, rigids(problem));
-    let mut tally = Tally::default();
-    for k in 0..batch.len() {
-        let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
-        let (error, depth) = observe(problem, &rigids, indices, batch.pixels[k].into());
-        pixels.add(error, depth);
-        let depth_error = (depth - batch.depths_m[k]) / batch.sigmas_depth_m[k];
-        let s = error / batch.sigmas_px[k].powi(2) + depth_error * depth_error;
-        tally.add(problem.observation_loss, s);
-    }
-    tally.cost()
+/// All observations, those without a depth first.
+pub(super) fn observed(problem: &BundleProblem) -> impl Iterator<Item = Observed> + '_ {
+    let rigids: Vec<Rigid> = problem.poses.iter().map(Rigid::of).collect();
+    problem.observations().map(move |Observation { pose, camera, landmark, seen }| {
+        let variables = (
+            rigids.get(pose as usize),
+            problem.cameras.get(camera as usize),
+            problem.landmarks.get(landmark as usize),
+        );
+        let (square, depth) = match variables {
+            (Some(pose), Some(camera), Some(landmark)) => {
+                let point_in_camera: Vector3<f64> = pose.to_local(landmark);
+                let [u, v] = project(camera, &point_in_camera);
+                let (du, dv) = (u - seen.pixel.x, v - seen.pixel.y);
+                (du * du + dv * dv, point_in_camera.z)
+            }
+            _ => (f64::NAN, f64::NAN),
+        };
+        let depth_error = seen.depth_m.map(|(measured, sigma)| (depth - measured, sigma));
+        Observed { pose, landmark, square, sigma_px: seen.sigma_px, depth, depth_error }
+    })
 }
 
 fn relative_poses<G: ReferencePose<N>, const N: usize>(

@@ -3,7 +3,7 @@
 //! The numbers are those that [`super::bundle_cost`] and [`super::pose_graph_cost`] sum up. What an index
 //! out of range makes of a factor is not a number. Losses are not applied.
 
-use super::cost::{edge_chi2, observe, rigids};
+use super::cost::{edge_chi2, observed};
 use super::reference::ReferencePose;
 use crate::problem::{BundleProblem, PoseGraph};
 
@@ -22,22 +22,11 @@ impl ObservationLengths {
     /// Those of a problem as it stands.
     #[must_use]
     pub fn of(problem: &BundleProblem) -> Self {
-        let rigids = rigids(problem);
         let mut lengths = Self::default();
-        let batch = &problem.reprojections;
-        for k in 0..batch.len() {
-            let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
-            let (square, _) = observe(problem, &rigids, indices, batch.pixels[k].into());
-            lengths.poses.push(batch.poses[k]);
-            lengths.pixels_px.push(square.sqrt());
-        }
-        let batch = &problem.depth_reprojections;
-        for k in 0..batch.len() {
-            let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
-            let (square, depth) = observe(problem, &rigids, indices, batch.pixels[k].into());
-            lengths.poses.push(batch.poses[k]);
-            lengths.pixels_px.push(square.sqrt());
-            lengths.depths_m.push((depth - batch.depths_m[k]).abs());
+        for seen in observed(problem) {
+            lengths.poses.push(seen.pose);
+            lengths.pixels_px.push(seen.square.sqrt());
+            lengths.depths_m.extend(seen.depth_error.map(|(error, _)| error.abs()));
         }
         lengths
     }

@@ -6,13 +6,13 @@
 
 use nalgebra::{DMatrix, DVector, SVector};
 
-use super::cost::{observe, rigids};
-use super::reference::{ReferencePose, Rigid};
+use super::cost::observed;
+use super::reference::ReferencePose;
 use super::sum::CompensatedSum;
 use crate::factors::{PosePrior, PositionPrior};
 use crate::information::Information;
 use crate::loss::Loss;
-use crate::problem::{BundleProblem, PoseGraph};
+use crate::problem::{BundleProblem, Observation, PoseGraph};
 
 /// A sigma that is off by more than this factor is told.
 pub const SIGMA_FACTOR: f64 = 3.0;
@@ -375,25 +375,16 @@ pub(super) fn bundle_residuals(problem: &BundleProblem) -> ResidualReport {
 
 /// Pixels and depths.
 fn observations(problem: &BundleProblem, report: &mut ResidualReport) {
-    let rigids: Vec<Rigid> = rigids(problem);
     let redundancies = redundancies(problem);
-    let redundancy = |landmark: u32| redundancies.get(landmark as usize).copied().unwrap_or(0.0);
     let mut pixels = Samples::new(2, problem.observation_loss);
     let mut depths = Samples::new(1, problem.observation_loss);
-    let batch = &problem.reprojections;
-    for k in 0..batch.len() {
-        let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
-        let (square, _) = observe(problem, &rigids, indices, batch.pixels[k].into());
-        pixels.add(square, square / batch.sigmas_px[k].powi(2), redundancy(batch.landmarks[k]));
-    }
-    let batch = &problem.depth_reprojections;
-    for k in 0..batch.len() {
-        let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
-        let (square, depth) = observe(problem, &rigids, indices, batch.pixels[k].into());
-        let redundancy = redundancy(batch.landmarks[k]);
-        pixels.add(square, square / batch.sigmas_px[k].powi(2), redundancy);
-        let square = (depth - batch.depths_m[k]).powi(2);
-        depths.add(square, square / batch.sigmas_depth_m[k].powi(2), redundancy);
+    for seen in observed(problem) {
+        let redundancy = redundancies.get(seen.landmark as usize).copied().unwrap_or(0.0);
+        pixels.add(seen.square, seen.square / seen.sigma_px.powi(2), redundancy);
+        if let Some((error, sigma)) = seen.depth_error {
+            let square = error.powi(2);
+            depths.add(square, square / sigma.powi(2), redundancy);
+        }
     }
     report.0[Quantity::Pixel as usize] = pixels.statistics();
     report.0[Quantity::Depth as usize] = depths.statistics();
@@ -410,10 +401,8 @@ fn redundancies(problem: &BundleProblem) -> Vec<f64> {
     }
     let none = Track { rows: 0, pose: 0, several: false };
     let mut tracks = vec![none; problem.landmarks.len()];
-    let (plain, depth) = (&problem.reprojections, &problem.depth_reprojections);
-    let plain = plain.landmarks.iter().zip(&plain.poses).map(|(&l, &pose)| (l, pose, 2));
-    let depth = depth.landmarks.iter().zip(&depth.poses).map(|(&l, &pose)| (l, pose, 3));
-    for (landmark, pose, rows) in plain.chain(depth) {
+    for Observation { pose, landmark, seen, .. } in problem.observations() {
+        let rows = if seen.depth_m.is_some() { 3 } else { 2 };
         if let Some(track) = tracks.get_mut(landmark as usize) {
             track.several |= track.rows > 0 && track.pose != pose;
             track.rows += rows;

@@ -11,7 +11,4 @@ mod reprojection;
 pub use prior::{PosePrior, PositionPrior};
 pub(crate) use relative_pose::{FACTORS_PER_CHUNK, FACTORS_PER_QUESTION, cost};
 pub use relative_pose::{PairLinearization, RelativePose};
-pub(crate) use reprojection::Observed;
-pub use reprojection::{
-    DepthReprojection, DepthReprojectionBatch, Linearization, Reprojection, ReprojectionBatch,
-};
+pub use reprojection::{DepthReprojectionBatch, Linearization, Reprojection, ReprojectionBatch};

@@ -1,165 +1,82 @@
-//! Observation factors: a landmark at a pixel, without and with a measured depth.
+//! Observation factor: a landmark at a pixel, without or with a measured depth.
 //!
-//! Reprojection: r = (π(camera, p) − (u, v)) / σ with p = T⁻¹ X and T = `world_from_camera`. Depth
-//! reprojection (RGB-D and stereo) adds (p_z − d) / σ_d, d the depth along the optical axis in meters
-//! (equation 8 of the reference frontend's paper). With the right update, ∂p/∂δ = [−I | p^] and
-//! ∂p/∂X = Rᵀ. A point behind the camera has a residual like any other (BAL's reading); only a
-//! projection that is not finite has none. Losses are applied by the caller.
+//! r = (π(camera, p) − (u, v)) / σ with p = T⁻¹ X and T = `world_from_camera`. A depth (RGB-D and
+//! stereo) adds (p_z − d) / σ_d, d along the optical axis in meters (equation 8 of the reference
+//! frontend's paper). With the right update, ∂p/∂δ = [−I | p^] and ∂p/∂X = Rᵀ. A point behind the camera
+//! has a residual like any other (BAL's reading); only a projection that is not finite has none. Losses
+//! are applied by the caller.
 
-use nalgebra::{RowVector3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix3x6, Vector2, Vector3};
 
 use crate::geometry::{Camera, Se3, hat};
 
-/// The most parameters a camera model has.
-pub(crate) const CAMERA_PARAMETERS: usize = 9;
-
-/// A whitened residual with its Jacobians; camera columns past the model's parameters are zero.
+/// A whitened residual (u, v, depth) with its Jacobians; the rows of a depth that was not measured are
+/// zero.
 #[derive(Clone, Copy, Debug)]
-pub struct Linearization<const R: usize> {
+pub struct Linearization {
     /// The whitened residual.
-    pub residual: SVector<f64, R>,
+    pub residual: Vector3<f64>,
     /// ∂r/∂δ of the pose, translation first.
-    pub d_pose: SMatrix<f64, R, 6>,
-    /// ∂r/∂ camera parameters.
-    pub d_camera: SMatrix<f64, R, CAMERA_PARAMETERS>,
+    pub d_pose: Matrix3x6<f64>,
     /// ∂r/∂ `point_in_world`.
-    pub d_landmark: SMatrix<f64, R, 3>,
+    pub d_landmark: Matrix3<f64>,
 }
 
-/// One observation (u, v).
+/// One observation (u, v) or (u, v, depth).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reprojection {
     /// Measured pixel (u, v).
     pub pixel: Vector2<f64>,
     /// Standard deviation of u and of v, in pixels.
     pub sigma_px: f64,
+    /// Measured depth along the optical axis and its standard deviation, in meters.
+    pub depth_m: Option<(f64, f64)>,
 }
 
 impl Reprojection {
-    /// The whitened residual; `None` where the projection is not finite.
+    /// The whitened residual (u, v, depth), 0 for a depth that was not measured; `None` where the
+    /// projection is not finite.
     #[must_use]
     pub fn residual(
         &self,
         world_from_camera: &Se3,
         camera: &Camera,
         point_in_world: &Vector3<f64>,
-    ) -> Option<SVector<f64, 2>> {
-        let predicted = camera.project(&world_from_camera.inverse_transform(point_in_world))?;
-        Some((predicted - self.pixel) / self.sigma_px)
-    }
-
-    /// The whitened residual with Jacobians; `None` where the projection is not finite.
-    #[must_use]
-    pub fn linearize(
-        &self,
-        world_from_camera: &Se3,
-        camera: &Camera,
-        point_in_world: &Vector3<f64>,
-    ) -> Option<Linearization<2>> {
+    ) -> Option<Vector3<f64>> {
         let point_in_camera = world_from_camera.inverse_transform(point_in_world);
-        let projection = camera.project_with_jacobians(&point_in_camera)?;
-        let scale = 1.0 / self.sigma_px;
-        let d_point = projection.d_point * scale;
-        let mut d_pose = SMatrix::<f64, 2, 6>::zeros();
-        d_pose.fixed_columns_mut::<3>(0).copy_from(&-d_point);
-        d_pose.fixed_columns_mut::<3>(3).copy_from(&(d_point * hat(&point_in_camera)));
-        Some(Linearization {
-            residual: (projection.pixel - self.pixel) * scale,
-            d_pose,
-            d_camera: projection.d_parameters * scale,
-            d_landmark: d_point * world_from_camera.rotation.matrix().transpose(),
-        })
-    }
-}
-
-/// One observation (u, v, depth).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DepthReprojection {
-    /// Measured pixel (u, v).
-    pub pixel: Vector2<f64>,
-    /// Measured depth along the optical axis, in meters.
-    pub depth_m: f64,
-    /// Standard deviation of u and of v, in pixels.
-    pub sigma_px: f64,
-    /// Standard deviation of the depth, in meters.
-    pub sigma_depth_m: f64,
-}
-
-impl DepthReprojection {
-    fn reprojection(&self) -> Reprojection {
-        Reprojection { pixel: self.pixel, sigma_px: self.sigma_px }
-    }
-
-    /// The whitened residual (u, v, depth); `None` where the projection is not finite.
-    #[must_use]
-    pub fn residual(
-        &self,
-        world_from_camera: &Se3,
-        camera: &Camera,
-        point_in_world: &Vector3<f64>,
-    ) -> Option<SVector<f64, 3>> {
-        let image = self.reprojection().residual(world_from_camera, camera, point_in_world)?;
-        let depth = world_from_camera.inverse_transform(point_in_world).z;
-        Some(SVector::from([image.x, image.y, (depth - self.depth_m) / self.sigma_depth_m]))
-    }
-
-    /// The whitened residual with Jacobians; `None` where the projection is not finite.
-    #[must_use]
-    pub fn linearize(
-        &self,
-        world_from_camera: &Se3,
-        camera: &Camera,
-        point_in_world: &Vector3<f64>,
-    ) -> Option<Linearization<3>> {
-        let image = self.reprojection().linearize(world_from_camera, camera, point_in_world)?;
-        let point_in_camera = world_from_camera.inverse_transform(point_in_world);
-        let d_depth = RowVector3::new(0.0, 0.0, 1.0 / self.sigma_depth_m);
-        let depth = (point_in_camera.z - self.depth_m) / self.sigma_depth_m;
-        let mut d_pose = SMatrix::<f64, 3, 6>::zeros();
-        d_pose.fixed_rows_mut::<2>(0).copy_from(&image.d_pose);
-        d_pose.fixed_view_mut::<1, 3>(2, 0).copy_from(&-d_depth);
-        d_pose.fixed_view_mut::<1, 3>(2, 3).copy_from(&(d_depth * hat(&point_in_camera)));
-        let mut d_camera = SMatrix::<f64, 3, CAMERA_PARAMETERS>::zeros();
-        d_camera.fixed_rows_mut::<2>(0).copy_from(&image.d_camera);
-        let mut d_landmark = SMatrix::<f64, 3, 3>::zeros();
-        d_landmark.fixed_rows_mut::<2>(0).copy_from(&image.d_landmark);
-        let camera_from_world = world_from_camera.rotation.matrix().transpose();
-        d_landmark.row_mut(2).copy_from(&(d_depth * camera_from_world));
-        Some(Linearization {
-            residual: SVector::from([image.residual.x, image.residual.y, depth]),
-            d_pose,
-            d_camera,
-            d_landmark,
-        })
-    }
-}
-
-/// One observation of either kind.
-pub(crate) enum Observed {
-    /// (u, v).
-    Pixel(Reprojection),
-    /// (u, v, depth).
-    Depth(DepthReprojection),
-}
-
-impl Observed {
-    /// `depth_m` is the depth and its standard deviation, in meters.
-    pub(crate) fn new(pixel: Vector2<f64>, sigma_px: f64, depth_m: Option<(f64, f64)>) -> Self {
-        match depth_m {
-            None => Self::Pixel(Reprojection { pixel, sigma_px }),
-            Some((depth_m, sigma_depth_m)) => {
-                Self::Depth(DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m })
-            }
-        }
+        let image = (camera.project(&point_in_camera)? - self.pixel) / self.sigma_px;
+        let depth = self.depth_m.map_or(0.0, |(depth, sigma)| (point_in_camera.z - depth) / sigma);
+        Some(image.push(depth))
     }
 
     /// The whitened squared residual; infinite where the projection is not finite.
     pub(crate) fn squared_error(&self, pose: &Se3, camera: &Camera, point: &Vector3<f64>) -> f64 {
-        match self {
-            Self::Pixel(f) => f.residual(pose, camera, point).map(|r| r.norm_squared()),
-            Self::Depth(f) => f.residual(pose, camera, point).map(|r| r.norm_squared()),
+        self.residual(pose, camera, point).map_or(f64::INFINITY, |r| r.norm_squared())
+    }
+
+    /// The whitened residual with Jacobians; `None` where the projection is not finite.
+    #[must_use]
+    pub fn linearize(
+        &self,
+        world_from_camera: &Se3,
+        camera: &Camera,
+        point_in_world: &Vector3<f64>,
+    ) -> Option<Linearization> {
+        let point_in_camera = world_from_camera.inverse_transform(point_in_world);
+        let projection = camera.project_with_jacobians(&point_in_camera)?;
+        let scale = 1.0 / self.sigma_px;
+        let mut d_point = Matrix3::zeros();
+        d_point.fixed_rows_mut::<2>(0).copy_from(&(projection.d_point * scale));
+        let mut residual = ((projection.pixel - self.pixel) * scale).push(0.0);
+        if let Some((depth, sigma)) = self.depth_m {
+            d_point[(2, 2)] = 1.0 / sigma;
+            residual.z = (point_in_camera.z - depth) / sigma;
         }
-        .unwrap_or(f64::INFINITY)
+        let mut d_pose = Matrix3x6::zeros();
+        d_pose.fixed_columns_mut::<3>(0).copy_from(&-d_point);
+        d_pose.fixed_columns_mut::<3>(3).copy_from(&(d_point * hat(&point_in_camera)));
+        let d_landmark = d_point * world_from_camera.rotation.matrix().transpose();
+        Some(Linearization { residual, d_pose, d_landmark })
     }
 }
 
@@ -225,12 +142,6 @@ impl ReprojectionBatch {
         retain_flagged(&mut self.pixels, &kept);
         retain_flagged(&mut self.sigmas_px, &kept);
     }
-
-    /// Observation `k` without its indices.
-    #[must_use]
-    pub fn factor(&self, k: usize) -> Reprojection {
-        Reprojection { pixel: self.pixels[k], sigma_px: self.sigmas_px[k] }
-    }
 }
 
 /// Observations (u, v, depth) as a structure of arrays; entry k of each array is observation k.
@@ -253,17 +164,6 @@ pub struct DepthReprojectionBatch {
 }
 
 impl DepthReprojectionBatch {
-    /// Appends an observation.
-    pub fn push(&mut self, pose: u32, camera: u32, landmark: u32, factor: DepthReprojection) {
-        self.poses.push(pose);
-        self.cameras.push(camera);
-        self.landmarks.push(landmark);
-        self.pixels.push(factor.pixel);
-        self.depths_m.push(factor.depth_m);
-        self.sigmas_px.push(factor.sigma_px);
-        self.sigmas_depth_m.push(factor.sigma_depth_m);
-    }
-
     /// The number of observations.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -285,17 +185,6 @@ impl DepthReprojectionBatch {
         retain_flagged(&mut self.pixels, &kept);
         for numbers in [&mut self.depths_m, &mut self.sigmas_px, &mut self.sigmas_depth_m] {
             retain_flagged(numbers, &kept);
-        }
-    }
-
-    /// Observation `k` without its indices.
-    #[must_use]
-    pub fn factor(&self, k: usize) -> DepthReprojection {
-        DepthReprojection {
-            pixel: self.pixels[k],
-            depth_m: self.depths_m[k],
-            sigma_px: self.sigmas_px[k],
-            sigma_depth_m: self.sigmas_depth_m[k],
         }
     }
 }

@@ -29,10 +29,7 @@ pub trait LieGroup<const N: usize>: Copy + Debug + PartialEq + Send + Sync + 'st
     /// The adjoint matrix: `T · Exp(δ) = Exp(Ad_T δ) · T`.
     fn adjoint(&self) -> SMatrix<f64, N, N>;
 
-    /// The right Jacobian: `Exp(τ + δ) ≈ Exp(τ) · Exp(J_r(τ) δ)`.
-    fn right_jacobian(tangent: &SVector<f64, N>) -> SMatrix<f64, N, N>;
-
-    /// The inverse of [`LieGroup::right_jacobian`]: `Log(Exp(τ) · Exp(δ)) ≈ τ + J_r⁻¹(τ) δ`.
+    /// The inverse of the right Jacobian: `Log(Exp(τ) · Exp(δ)) ≈ τ + J_r⁻¹(τ) δ`.
     fn right_jacobian_inverse(tangent: &SVector<f64, N>) -> SMatrix<f64, N, N>;
 
     /// Where `self` takes a point of space, in meters. A motion of the plane is one about the z axis,

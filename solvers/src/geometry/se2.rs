@@ -99,15 +99,6 @@ impl LieGroup<3> for Se2 {
     }
 
     #[inline]
-    fn right_jacobian(tangent: &Vector3<f64>) -> Matrix3<f64> {
-        let (vx, vy, omega) = (tangent.x, tangent.y, tangent.z);
-        let k = RotationCoefficients::new(omega * omega);
-        let (turn, bend) = (k.b * omega, k.c * omega);
-        let coupling = [bend * vx - k.b * vy, k.b * vx + bend * vy];
-        columns([k.a, -turn], [turn, k.a], coupling)
-    }
-
-    #[inline]
     fn right_jacobian_inverse(tangent: &Vector3<f64>) -> Matrix3<f64> {
         let (vx, vy, omega) = (tangent.x, tangent.y, tangent.z);
         let bend = RotationCoefficients::new(omega * omega).d * omega;

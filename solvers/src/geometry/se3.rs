@@ -114,13 +114,6 @@ impl LieGroup<6> for Se3 {
     }
 
     #[inline]
-    fn right_jacobian(tangent: &Vector6<f64>) -> Matrix6<f64> {
-        let (rho, phi) = split(tangent);
-        let k = RotationCoefficients::new(phi.norm_squared());
-        block_triangular(&k.right_jacobian(&phi), &right_coupling(&rho, &phi, &k))
-    }
-
-    #[inline]
     fn right_jacobian_inverse(tangent: &Vector6<f64>) -> Matrix6<f64> {
         let (rho, phi) = split(tangent);
         let k = RotationCoefficients::new(phi.norm_squared());

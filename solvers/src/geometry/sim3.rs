@@ -194,14 +194,6 @@ impl LieGroup<7> for Sim3 {
         )
     }
 
-    fn right_jacobian(tangent: &SVector<f64, 7>) -> SMatrix<f64, 7, 7> {
-        let (rho, phi, sigma) = split(&-tangent);
-        let x = phi.norm_squared();
-        let (q, p) = left_coupling(&rho, &phi, sigma);
-        let j = RotationCoefficients::new(x).right_jacobian(&phi).transpose();
-        assemble(&ScaleIntegral::new(x, sigma).matrix(&phi), &q, &p, &j)
-    }
-
     fn right_jacobian_inverse(tangent: &SVector<f64, 7>) -> SMatrix<f64, 7, 7> {
         let (rho, phi, sigma) = split(&-tangent);
         let x = phi.norm_squared();

@@ -89,11 +89,6 @@ impl LieGroup<1> for So2 {
     }
 
     #[inline]
-    fn right_jacobian(_tangent: &Vector1<f64>) -> Matrix1<f64> {
-        Matrix1::new(1.0)
-    }
-
-    #[inline]
     fn right_jacobian_inverse(_tangent: &Vector1<f64>) -> Matrix1<f64> {
         Matrix1::new(1.0)
     }

@@ -176,11 +176,6 @@ impl LieGroup<3> for So3 {
     }
 
     #[inline]
-    fn right_jacobian(tangent: &Vector3<f64>) -> Matrix3<f64> {
-        RotationCoefficients::new(tangent.norm_squared()).right_jacobian(tangent)
-    }
-
-    #[inline]
     fn right_jacobian_inverse(tangent: &Vector3<f64>) -> Matrix3<f64> {
         RotationCoefficients::new(tangent.norm_squared()).right_jacobian_inverse(tangent)
     }

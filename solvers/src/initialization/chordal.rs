@@ -18,7 +18,7 @@ use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
 use crate::optimizer::from_linear;
 use crate::parallel;
-use crate::price::{Limits, Price};
+use crate::price::Limits;
 use crate::problem::{PoseGraph, SolveError};
 
 /// Edges that a task looks at at least.
@@ -81,27 +81,19 @@ fn inverse_trace<const D: usize>(omega: &SMatrix<f64, D, D>) -> f64 {
 ///
 /// # Errors
 /// Those of [`PoseGraph::validate`], [`SolveError::Singular`] where measurements leave a rotation
-/// or a position open to rounding.
+/// or a position open to rounding; [`SolveError::TooExpensive`], [`SolveError::Interrupted`].
 pub fn chordal<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-) -> Result<(), SolveError> {
-    chordal_within(graph, Limits::NONE)
-}
-
-/// As [`chordal`], within `limits`.
-///
-/// # Errors
-/// As [`chordal`]; [`SolveError::TooExpensive`], [`SolveError::Interrupted`].
-pub fn chordal_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     limits: Limits<'_>,
 ) -> Result<(), SolveError> {
     graph.validate()?;
-    let rows = Rows::new(graph);
+    let (poses, of) = graph.free();
+    let rows = Rows { poses, of };
     if rows.poses.is_empty() {
         return Ok(());
     }
-    let pattern = Arc::new(pattern(graph, &rows));
+    let pairs = graph.places_of_edges(&rows.of).filter_map(|(i, j)| i.zip(j));
+    let pattern = Arc::new(BlockPattern::new(vec![D; rows.poses.len()], pairs));
     let linear = linear_bytes(graph, &pattern);
     let system = Linear::<D>::new(Arc::clone(&pattern), &rows.poses, limits.less(linear));
     let mut system = system.map_err(|error| error.beside(linear))?;
@@ -122,28 +114,6 @@ pub fn chordal_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     Ok(())
 }
 
-/// What the chordal start of `graph` takes besides the graph.
-///
-/// # Errors
-/// [`SolveError::Interrupted`].
-pub fn chordal_price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    let pattern = pattern(graph, &Rows::new(graph));
-    let price = Cholesky::price(&pattern, interrupt);
-    let price = price.map_err(|error| from_linear(error, pattern.dimension()))?;
-    Ok(price.plus_bytes(linear_bytes(graph, &pattern)))
-}
-
-fn pattern<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    rows: &Rows,
-) -> BlockPattern {
-    let pairs = graph.edges.iter().filter_map(|edge| rows.pair(edge));
-    BlockPattern::new(vec![D; rows.poses.len()], pairs)
-}
-
 /// Bytes besides the factor: matrix, right-hand sides, poses, a factor an edge.
 fn linear_bytes<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &PoseGraph<G, N>,
@@ -160,18 +130,6 @@ struct Rows {
     poses: Vec<usize>,
     /// Block row of each pose, `None` where it is held.
     of: Vec<Option<usize>>,
-}
-
-impl Rows {
-    fn new<G: RigidMotion<D, N>, const D: usize, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
-        let (poses, of) = graph.free();
-        Self { poses, of }
-    }
-
-    /// The rows of an edge between two poses that move.
-    fn pair<G, const N: usize>(&self, edge: &RelativePose<G, N>) -> Option<(usize, usize)> {
-        Some((self.of[edge.i]?, self.of[edge.j]?)).filter(|(i, j)| i != j)
-    }
 }
 
 /// A block-sparse system with D rows a pose.
@@ -194,16 +152,6 @@ impl<'a, const D: usize> Linear<'a, D> {
         let factor = Cholesky::within(Arc::clone(&pattern), ceiling, interrupt)
             .map_err(|error| from_linear(error, dimension))?;
         Ok(Self { matrix: BlockMatrix::new(pattern), factor, poses, interrupt })
-    }
-
-    /// Adds `block` to block (i, j) of the symmetric matrix.
-    fn add(&mut self, i: usize, j: usize, block: &SMatrix<f64, D, D>) {
-        let (row, column, block) = if i >= j { (i, j, *block) } else { (j, i, block.transpose()) };
-        if let Some(values) = self.matrix.block_mut(row, column) {
-            for (value, added) in values.iter_mut().zip(block.iter()) {
-                *value += added;
-            }
-        }
     }
 
     fn factor(&mut self, ids: &[i64], what: &'static str) -> Result<(), SolveError> {
@@ -262,10 +210,10 @@ fn relaxed_rotations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         }
         let (i, j) = (rows.of[edge.i], rows.of[edge.j]);
         for row in [i, j].into_iter().flatten() {
-            system.add(row, row, &(SMatrix::identity() * kappa));
+            system.matrix.add_block(row, row, &(SMatrix::<f64, D, D>::identity() * kappa));
         }
         match (i, j) {
-            (Some(i), Some(j)) => system.add(i, j, &(z * -kappa)),
+            (Some(i), Some(j)) => system.matrix.add_block(i, j, &(z * -kappa)),
             (Some(i), None) => add(i, &graph.poses[edge.j].rotation_matrix(), &z, kappa),
             (None, Some(j)) => {
                 add(j, &graph.poses[edge.i].rotation_matrix(), &z.transpose(), kappa);
@@ -308,13 +256,13 @@ fn translations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         let pull = weight * (measured + held(edge.i, i) - held(edge.j, j));
         for (row, sign) in [(i, -1.0), (j, 1.0)] {
             let Some(row) = row else { continue };
-            system.add(row, row, &weight);
+            system.matrix.add_block(row, row, &weight);
             for (value, pull) in right[D * row..].iter_mut().zip(pull.iter()) {
                 *value += sign * pull;
             }
         }
         if let (Some(i), Some(j)) = (i, j) {
-            system.add(i, j, &-weight);
+            system.matrix.add_block(i, j, &-weight);
         }
     }
     system.factor(&graph.ids, "position of pose")?;

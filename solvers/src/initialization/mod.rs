@@ -11,11 +11,11 @@ mod start;
 mod triangulation;
 
 pub use alignment::align_to_priors;
-pub use chordal::{IsotropicPrecision, chordal, chordal_price, chordal_within};
+pub use chordal::{IsotropicPrecision, chordal};
 pub use p3p::p3p;
 pub use spanning_tree::{odometry, spanning_tree};
 pub(crate) use start::initialize_in_time;
-pub use start::{Start, initialize, initialize_within};
+pub use start::{Start, initialize};
 pub use triangulation::{
     LeastWorstError, Triangulated, TriangulationError, TriangulationOptions, View,
     least_worst_error, triangulate,

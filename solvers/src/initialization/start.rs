@@ -5,7 +5,7 @@
 //! still, as in a graph that was solved before. It weighs all closures alike: where some may be
 //! false, start from the odometry.
 
-use super::{chordal_within, odometry, spanning_tree};
+use super::{chordal, odometry, spanning_tree};
 use crate::factors::cost;
 use crate::geometry::RigidMotion;
 use crate::interrupt::Interrupt;
@@ -32,26 +32,15 @@ pub enum Start {
 /// [`Start::Auto`].
 ///
 /// `has_poses` is whether the graph came with poses: without, [`Start::Auto`] does not look at them,
-/// and falls back to the spanning tree where rounding defeats the chordal start.
+/// and falls back to the spanning tree where rounding defeats the chordal start. [`Start::Auto`] that
+/// is interrupted, or whose chordal start is too expensive, takes the given poses, or the spanning tree
+/// where there are none.
 ///
 /// # Errors
 /// Those of [`PoseGraph::validate`]; [`SolveError::Singular`] from [`Start::Chordal`];
-/// [`SolveError::InvalidOption`] for [`Start::Given`] without poses.
+/// [`SolveError::InvalidOption`] for [`Start::Given`] without poses; beyond the limits
+/// [`SolveError::TooExpensive`] and [`SolveError::Interrupted`] from [`Start::Chordal`].
 pub fn initialize<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-    start: Start,
-    has_poses: bool,
-) -> Result<Start, SolveError> {
-    initialize_within(graph, start, has_poses, Limits::NONE)
-}
-
-/// As [`initialize`], within `limits`. [`Start::Auto`] that is interrupted, or whose chordal start is
-/// too expensive, takes the given poses, or the spanning tree where there are none.
-///
-/// # Errors
-/// As [`initialize`]; [`SolveError::TooExpensive`] and [`SolveError::Interrupted`] from
-/// [`Start::Chordal`].
-pub fn initialize_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     start: Start,
     has_poses: bool,
@@ -65,13 +54,13 @@ pub fn initialize_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         Start::Given => graph.validate()?,
         Start::Odometry => odometry(graph)?,
         Start::SpanningTree => spanning_tree(graph)?,
-        Start::Chordal => chordal_within(graph, limits)?,
+        Start::Chordal => chordal(graph, limits)?,
         Start::Auto => return automatic(graph, has_poses, limits),
     }
     Ok(start)
 }
 
-/// As [`initialize_within`]; where that takes longer than there is time, the given poses, or the odometry
+/// As [`initialize`]; where that takes longer than there is time, the given poses, or the odometry
 /// of a graph without poses.
 pub(crate) fn initialize_in_time<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
@@ -79,10 +68,10 @@ pub(crate) fn initialize_in_time<G: RigidMotion<D, N>, const D: usize, const N: 
     has_poses: bool,
     limits: Limits<'_>,
 ) -> Result<Start, SolveError> {
-    match initialize_within(graph, start, has_poses, limits) {
+    match initialize(graph, start, has_poses, limits) {
         Err(SolveError::Interrupted) => {
             let at_hand = if has_poses { Start::Given } else { Start::Odometry };
-            initialize(graph, at_hand, has_poses)
+            initialize(graph, at_hand, has_poses, Limits::NONE)
         }
         other => other,
     }
@@ -102,7 +91,7 @@ fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     let never = Interrupt::NEVER;
     let cost = |graph: &PoseGraph<G, N>| cost(&graph.edges, &graph.poses, graph.loss, &never);
     let given = has_poses.then(|| (cost(graph), graph.poses.clone()));
-    match (chordal_within(graph, limits), given) {
+    match (chordal(graph, limits), given) {
         (Ok(()), None) => Ok(Start::Chordal),
         // A cost that is no number never wins.
         (Ok(()), Some((before, _))) if before.is_nan() || before > cost(graph) => {

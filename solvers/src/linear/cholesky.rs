@@ -48,21 +48,18 @@ impl Cholesky {
         ceiling: Ceiling,
         interrupt: &Interrupt,
     ) -> Result<Self, LinearError> {
-        let ordered = choose(&pattern, interrupt)?;
-        ceiling.admit(&price(&pattern, ordered.as_ref()))?;
-        match ordered {
-            None => Self::dense(pattern),
-            Some(ordered) => Self::ordered(pattern, ordered),
+        match choose(&pattern, interrupt)? {
+            None => {
+                // The ordering was made all the same.
+                let price = dense_price(pattern.dimension());
+                ceiling.admit(&price.plus_bytes(ordering_bytes(&pattern)))?;
+                Self::dense(pattern)
+            }
+            Some(ordered) => {
+                ceiling.admit(&ordered.price())?;
+                Self::ordered(pattern, ordered)
+            }
         }
-    }
-
-    /// What [`Cholesky::new`] would allocate, planning included, and the flops of one factorization.
-    /// Time and memory of this are nearly linear in the pattern.
-    ///
-    /// # Errors
-    /// [`LinearError::Interrupted`].
-    pub fn price(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Price, LinearError> {
-        Ok(price(pattern, choose(pattern, interrupt)?.as_ref()))
     }
 
     /// Orders `pattern` for a sparse factorization, which [`Cholesky::ordered`] then plans.
@@ -76,10 +73,10 @@ impl Cholesky {
     /// Plans a sparse factorization in an order that was made for this pattern.
     ///
     /// # Errors
-    /// As [`SparseCholesky::new`].
+    /// Too large to index, or no memory.
     pub fn ordered(pattern: Arc<BlockPattern>, ordered: Ordered) -> Result<Self, LinearError> {
         let Ordered { ordering, elimination, .. } = ordered;
-        let sparse = SparseCholesky::planned(pattern, ordering, &elimination)?;
+        let sparse = SparseCholesky::planned(pattern, &ordering.order, &elimination)?;
         Ok(Self::Sparse(Box::new(sparse)))
     }
 
@@ -89,14 +86,6 @@ impl Cholesky {
     /// As [`DenseCholesky::new`].
     pub fn dense(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
         Ok(Self::Dense(DenseCholesky::new(pattern)?))
-    }
-
-    /// Plans a sparse factorization.
-    ///
-    /// # Errors
-    /// As [`SparseCholesky::new`].
-    pub fn sparse(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
-        Ok(Self::Sparse(Box::new(SparseCholesky::new(pattern)?)))
     }
 
     /// Factors H + D; `added_diagonal` is D, or empty for zero.
@@ -185,12 +174,6 @@ fn choose(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Option<Ordere
     let cheapest = cheapest(pattern, interrupt)?;
     let is_sparse = dense_flops(dimension) > DENSE_ADVANTAGE * cheapest.0.flops;
     Ok(is_sparse.then(|| Ordered::new(pattern, cheapest)))
-}
-
-/// What the factorization that was chosen takes. For a dense one the ordering was made all the same.
-fn price(pattern: &BlockPattern, ordered: Option<&Ordered>) -> Price {
-    let dense = || dense_price(pattern.dimension()).plus_bytes(ordering_bytes(pattern));
-    ordered.map_or_else(dense, Ordered::price)
 }
 
 /// The block graph, its lists while vertices are taken out, and the work of the orderings.

@@ -8,6 +8,8 @@
 
 use std::sync::Arc;
 
+use nalgebra::SMatrix;
+
 use super::error::LinearError;
 use super::pattern::BlockPattern;
 
@@ -65,6 +67,15 @@ impl BlockMatrix {
     /// Block (i, j), column-major, or `None` where it is not stored or j > i.
     pub fn block_mut(&mut self, i: usize, j: usize) -> Option<&mut [f64]> {
         self.pattern.find(i, j).map(|block| &mut self.values[self.pattern.value_range(block)])
+    }
+
+    /// Adds to block (i, j) of the symmetric matrix, of either triangle, where it is stored; where i and
+    /// j are one, `block` is the whole of it.
+    pub fn add_block<const D: usize>(&mut self, i: usize, j: usize, block: &SMatrix<f64, D, D>) {
+        let block = if i < j { block.transpose() } else { *block };
+        if let Some(values) = self.block_mut(i.max(j), i.min(j)) {
+            values.iter_mut().zip(block.as_slice()).for_each(|(value, added)| *value += added);
+        }
     }
 
     /// The block rows, one writer each, first row first.

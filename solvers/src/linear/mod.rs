@@ -29,7 +29,7 @@ pub use cholesky::{Cholesky, Ordered};
 pub use dense::{DenseCholesky, dense_price};
 pub use error::LinearError;
 pub use matrix::{BlockMatrix, BlockRowMut};
-pub use ordering::{BlockOrdering, OrderingMethod, cheapest_ordering};
+pub use ordering::{BlockOrdering, OrderingMethod};
 pub use pattern::BlockPattern;
 pub use pcg::{BlockJacobi, Pcg, PcgOutcome};
 pub use sparse::{GrowingCholesky, PairTerm, PartialCholesky, SparseCholesky, Updated};

@@ -69,20 +69,6 @@ pub struct BlockOrdering {
     pub method: OrderingMethod,
 }
 
-/// The cheapest elimination order found, with its cost; ties go to the earlier candidate.
-pub fn cheapest_ordering(pattern: &BlockPattern) -> BlockOrdering {
-    // Only an interrupt could fail it.
-    cheapest(pattern, &Interrupt::NEVER).map_or_else(
-        |_never| BlockOrdering {
-            order: (0..pattern.block_count() as u32).collect(),
-            flops: f64::INFINITY,
-            factor_entries: f64::INFINITY,
-            method: OrderingMethod::Natural,
-        },
-        |(ordering, _)| ordering,
-    )
-}
-
 /// The elimination in a given order, postordered; `None` where `order` is not a permutation.
 pub(super) fn postordered(
     pattern: &BlockPattern,
@@ -104,7 +90,7 @@ pub(super) fn ordered_with_last(
     is_last: &[bool],
 ) -> (Vec<u32>, Elimination) {
     let natural = || (0..pattern.block_count() as u32).collect();
-    let mut order = minimum_degree(&Graph::new(pattern)).unwrap_or_else(natural);
+    let mut order = minimum_degree(&Graph::of_pattern(pattern)).unwrap_or_else(natural);
     order::sort_by_key(&mut order, &|block| u64::from(is_last[block as usize]));
     postordered(pattern, &order).unwrap_or_default()
 }
@@ -132,7 +118,8 @@ pub(super) fn cheapest_with_last(
     Ok((BlockOrdering { order, flops, factor_entries, method }, elimination))
 }
 
-/// [`cheapest_ordering`] with its elimination tree.
+/// The cheapest elimination order found, with its cost and its elimination tree; ties go to the earlier
+/// candidate.
 ///
 /// # Errors
 /// [`LinearError::Interrupted`].
@@ -142,7 +129,7 @@ pub(super) fn cheapest(
 ) -> Result<(BlockOrdering, Elimination), LinearError> {
     let count = pattern.block_count();
     let natural = || (0..count as u32).collect::<Vec<u32>>();
-    let graph = Arc::new(Graph::new(pattern));
+    let graph = Arc::new(Graph::of_pattern(pattern));
     let mut best: Option<(OrderingMethod, Vec<u32>, Elimination)> = None;
     for method in CANDIDATES {
         let flops = best.as_ref().map_or(f64::INFINITY, |(_, _, elimination)| elimination.flops);

@@ -8,10 +8,9 @@
 
 use std::sync::Arc;
 
-use super::checked::solve_checked;
 use super::error::LinearError;
 use super::matrix::BlockMatrix;
-use super::ordering::{BlockOrdering, Elimination, cheapest, postordered};
+use super::ordering::Elimination;
 use super::pattern::BlockPattern;
 use crate::interrupt::Interrupt;
 use crate::simd::Class;
@@ -39,46 +38,23 @@ use workspace::Workspace;
 #[derive(Debug)]
 pub struct SparseCholesky {
     workspace: Workspace,
-    ordering: BlockOrdering,
     /// Of the last factorization.
     interrupt: Interrupt,
 }
 
 impl SparseCholesky {
-    /// Orders `pattern` by the cheapest candidate and plans for it.
+    /// Plans for a postordered order with its elimination.
     ///
     /// # Errors
     /// Too large to index, or no memory.
-    pub fn new(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
-        let (ordering, elimination) = cheapest(&pattern, &Interrupt::NEVER)?;
-        Self::planned(pattern, ordering, &elimination)
-    }
-
-    /// Plans for `pattern` in a given order.
-    ///
-    /// # Errors
-    /// Too large to index, or no memory; [`LinearError::PatternMismatch`] where the order is not a
-    /// permutation of the pattern's blocks.
-    pub fn with_ordering(
-        pattern: Arc<BlockPattern>,
-        ordering: BlockOrdering,
-    ) -> Result<Self, LinearError> {
-        let Some((order, elimination)) = postordered(&pattern, &ordering.order) else {
-            let (expected, found) = (pattern.block_count(), ordering.order.len());
-            return Err(LinearError::PatternMismatch { expected, found });
-        };
-        Self::planned(pattern, BlockOrdering { order, ..ordering }, &elimination)
-    }
-
-    /// Plans for a postordered order with its elimination.
     pub(super) fn planned(
         pattern: Arc<BlockPattern>,
-        ordering: BlockOrdering,
+        order: &[u32],
         elimination: &Elimination,
     ) -> Result<Self, LinearError> {
-        let plan = Plan::new(&pattern, &ordering.order, elimination)?;
+        let plan = Plan::new(&pattern, order, elimination)?;
         let workspace = Workspace::new(pattern, plan, None)?;
-        Ok(Self { workspace, ordering, interrupt: Interrupt::NEVER })
+        Ok(Self { workspace, interrupt: Interrupt::NEVER })
     }
 
     /// Uses the kernels of another instruction set, or the scalar ones where the processor lacks it.
@@ -86,22 +62,12 @@ impl SparseCholesky {
         self.workspace.set_class(class);
     }
 
-    /// Factors H + D; `added_diagonal` is D, or empty for zero.
+    /// Factors H + D until `interrupt` is due, as do the solves with this factor; `added_diagonal` is D,
+    /// or empty for zero.
     ///
     /// # Errors
-    /// Not positive definite, not finite, or a matrix or diagonal of another shape.
-    pub fn factor(
-        &mut self,
-        matrix: &BlockMatrix,
-        added_diagonal: &[f64],
-    ) -> Result<(), LinearError> {
-        self.factor_until(matrix, added_diagonal, &Interrupt::NEVER)
-    }
-
-    /// The same, ending once `interrupt` is due, as do the solves with this factor.
-    ///
-    /// # Errors
-    /// As [`SparseCholesky::factor`], and [`LinearError::Interrupted`].
+    /// Not positive definite, not finite, a matrix or diagonal of another shape, or
+    /// [`LinearError::Interrupted`].
     pub fn factor_until(
         &mut self,
         matrix: &BlockMatrix,
@@ -129,21 +95,5 @@ impl SparseCholesky {
             return;
         }
         self.workspace.permute_back(rhs);
-    }
-
-    /// Solves, measures the residual, refines once if need be; see [`super::Cholesky::solve_checked`].
-    pub fn solve_checked(
-        &mut self,
-        matrix: &BlockMatrix,
-        added_diagonal: &[f64],
-        rhs: &[f64],
-        x: &mut [f64],
-    ) -> f64 {
-        solve_checked(|v| self.solve(v), matrix, added_diagonal, rhs, x)
-    }
-
-    /// The elimination order chosen, before columns of joined supernodes were put side by side.
-    pub fn ordering(&self) -> &BlockOrdering {
-        &self.ordering
     }
 }

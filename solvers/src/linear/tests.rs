@@ -1,4 +1,4 @@
-//! Pattern and matrix: layout, look-up, row writers, product.
+//! Pattern and matrix: layout, look-up, row writers, product; the stack that a factorization needs.
 
 use std::sync::Arc;
 
@@ -82,4 +82,27 @@ fn product_reads_the_lower_triangle_only() {
     let mut y = vec![1.0; 10];
     matrix.symmetric_multiply(x.as_slice(), &mut y);
     assert!((nalgebra::DVector::from_vec(y) - dense * x).amax() < 1e-12);
+}
+
+#[test]
+fn a_long_chain_in_its_own_order_needs_no_deep_stack() {
+    // Each node's subtree is most of the work: a tree of branches, one under the other.
+    let count = 30_000_usize;
+    let pairs = (1..count).flat_map(|i| [(i, i - 1), (i, i.saturating_sub(2)), (i, i / 2 * 2)]);
+    let pattern = Arc::new(BlockPattern::new(vec![6; count], pairs));
+    let mut matrix = BlockMatrix::new(pattern.clone());
+    matrix.values_mut().iter_mut().zip(0..).for_each(|(v, k)| *v = f64::from(k).sin());
+    for block in 0..count {
+        let diagonal = matrix.block_mut(block, block).unwrap();
+        (0..6).for_each(|k| diagonal[7 * k] = 40.0);
+    }
+    let natural: Vec<u32> = (0..count as u32).collect();
+    let (order, elimination) = ordering::postordered(&pattern, &natural).unwrap();
+    let sparse = SparseCholesky::planned(pattern.clone(), &order, &elimination).unwrap();
+    let mut solver = Cholesky::Sparse(Box::new(sparse));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    pool.install(|| solver.factor(&matrix, &[]).unwrap());
+    let rhs = vec![1.0; pattern.dimension()];
+    let mut x = vec![0.0; rhs.len()];
+    assert!(solver.solve_checked(&matrix, &[], &rhs, &mut x) < 1e-13);
 }

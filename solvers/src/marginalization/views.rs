@@ -6,11 +6,9 @@
 //! a landmark with one view says nothing, whatever directions that view leaves open. No estimate is
 //! moved.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix};
 
-use crate::factors::Linearization;
-use crate::geometry::{Camera, Se3};
-use crate::problem::BundleProblem;
+use crate::problem::{BundleProblem, Observation};
 
 /// A column of Q that keeps less than this of the largest one, when those before it are projected
 /// out, depends on them.
@@ -26,26 +24,12 @@ pub(super) struct View {
 
 /// The usable observations of the landmarks that pose `removed` observes, by landmark.
 pub(super) fn views(problem: &BundleProblem, removed: usize) -> Vec<View> {
-    let (plain, depth) = (&problem.reprojections, &problem.depth_reprojections);
     let mut is_seen = vec![false; problem.landmarks.len()];
-    for (poses, landmarks) in [(&plain.poses, &plain.landmarks), (&depth.poses, &depth.landmarks)] {
-        for (&pose, &landmark) in poses.iter().zip(landmarks) {
-            is_seen[landmark as usize] |= pose as usize == removed;
-        }
+    for o in problem.observations() {
+        is_seen[o.landmark as usize] |= o.pose as usize == removed;
     }
-    let indices = |poses: &[u32], cameras: &[u32], landmarks: &[u32], k: usize| {
-        let indices = [poses[k], cameras[k], landmarks[k]].map(|index| index as usize);
-        is_seen[indices[2]].then_some(indices)
-    };
-    let mut views = Vec::new();
-    views.extend((0..plain.len()).filter_map(|k| {
-        let indices = indices(&plain.poses, &plain.cameras, &plain.landmarks, k)?;
-        view(problem, indices, |x, camera, point| plain.factor(k).linearize(x, camera, point))
-    }));
-    views.extend((0..depth.len()).filter_map(|k| {
-        let indices = indices(&depth.poses, &depth.cameras, &depth.landmarks, k)?;
-        view(problem, indices, |x, camera, point| depth.factor(k).linearize(x, camera, point))
-    }));
+    let seen = problem.observations().filter(|o| is_seen[o.landmark as usize]);
+    let mut views: Vec<View> = seen.filter_map(|o| view(problem, &o)).collect();
     views.sort_by_key(|view| view.landmark);
     views
 }
@@ -61,20 +45,16 @@ pub(super) fn tracks(views: &[View], removed: usize) -> Vec<&[View]> {
 
 /// One observation, unless its landmark is behind its camera, its loss gives it no weight or its
 /// Jacobians are not finite.
-fn view<const R: usize>(
-    problem: &BundleProblem,
-    [pose, camera, landmark]: [usize; 3],
-    linearize: impl FnOnce(&Se3, &Camera, &Vector3<f64>) -> Option<Linearization<R>>,
-) -> Option<View> {
+fn view(problem: &BundleProblem, observation: &Observation) -> Option<View> {
+    let (pose, landmark) = (observation.pose as usize, observation.landmark as usize);
     let (world_from_camera, point) = (&problem.poses[pose], &problem.landmarks[landmark]);
     if world_from_camera.inverse_transform(point).z <= 0.0 {
         return None;
     }
-    let lin = linearize(world_from_camera, &problem.cameras[camera], point)?;
+    let camera = &problem.cameras[observation.camera as usize];
+    let lin = observation.seen.linearize(world_from_camera, camera, point)?;
     let root = problem.observation_loss.evaluate(lin.residual.norm_squared()).weight.sqrt();
-    let (mut d_pose, mut d_landmark) = (SMatrix::<f64, 3, 6>::zeros(), Matrix3::zeros());
-    d_pose.rows_mut(0, R).copy_from(&(lin.d_pose * root));
-    d_landmark.rows_mut(0, R).copy_from(&(lin.d_landmark * root));
+    let (d_pose, d_landmark) = (lin.d_pose * root, lin.d_landmark * root);
     let is_finite = d_pose.iter().chain(d_landmark.iter()).all(|x| x.is_finite());
     (root > 0.0 && is_finite).then_some(View { landmark, pose, d_pose, d_landmark })
 }

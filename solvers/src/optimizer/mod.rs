@@ -17,7 +17,7 @@ pub use summary::{
     Control, IterationSummary, Observer, SolveSummary, Termination, Tolerance, ignore_iterations,
 };
 pub use system::{Gradient, Losses, Step, StepFailure, System, Unmoved};
-pub use trust_region::{LoopState, minimize, minimize_from, minimize_until};
+pub use trust_region::{LoopState, minimize};
 pub(crate) use trust_region::{SCALE_RANGE, damping_scale};
 
 /// The error of a problem for whose system of `dimension` scalars planning or memory failed. The values

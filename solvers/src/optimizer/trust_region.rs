@@ -95,31 +95,12 @@ impl LoopState {
 
 /// Minimizes `system` and leaves it at the best state found. `start` is when the caller's clock
 /// began, so that its preparations are counted.
+///
+/// It ends at `interrupt`, which is that of the system and alone decides: the deadline of the options
+/// is the caller's to put into it. The cost of the start is counted whatever the time is, since the
+/// answer needs it. If `from` is given, it goes on from where another loop stood: the system has the
+/// values that the variables had then. Rows and times go on from those of that loop.
 pub fn minimize(
-    system: &mut dyn System,
-    options: &Options,
-    start: Instant,
-    observer: &mut Observer<'_>,
-) -> SolveSummary {
-    let interrupt = Interrupt::NEVER.or_after(start, options.deadline);
-    minimize_until(system, options, (start, &interrupt), observer)
-}
-
-/// As [`minimize`], ending at `interrupt`, which is that of the system and alone decides: the
-/// deadline of the options is the caller's to put into it. The cost of the start is counted whatever
-/// the time is, since the answer needs it.
-pub fn minimize_until(
-    system: &mut dyn System,
-    options: &Options,
-    run: (Instant, &Interrupt),
-    observer: &mut Observer<'_>,
-) -> SolveSummary {
-    minimize_from(system, options, run, None, observer)
-}
-
-/// As [`minimize_until`], from where another loop stood, if `from` is given: the system has the values
-/// that the variables had then. Rows and times go on from those of that loop.
-pub fn minimize_from(
     system: &mut dyn System,
     options: &Options,
     (start, interrupt): (Instant, &Interrupt),
@@ -131,12 +112,8 @@ pub fn minimize_from(
     if losses == Losses::Unbounded || from.is_some_and(|from| from.stiffness.is_some()) {
         system.begin_inner_iterations();
     }
-    let mut run = Run {
+    let state = LoopState {
         initial_cost: cost,
-        seconds_before: 0.0,
-        options,
-        start,
-        interrupt,
         cost,
         damping: match options.method {
             Method::LevenbergMarquardt => options.initial_damping,
@@ -145,21 +122,23 @@ pub fn minimize_from(
         damping_growth: 2.0,
         stiffness: (losses == Losses::Unbounded).then_some(1.0),
         is_approaching: losses == Losses::Bounded,
-        gradient_max_norm: 0.0,
         linear_residual: 0.0,
         rows: Vec::new(),
     };
+    let state = from.cloned().unwrap_or(state);
+    let seconds_before = state.seconds();
+    let mut run = Run { options, start, interrupt, seconds_before, gradient_max_norm: 0.0, state };
     let termination = match from {
         None => run.begin(system, observer),
-        Some(from) => run.resume(system, from, observer),
+        Some(_) => run.resume(system, observer),
     };
     SolveSummary {
         termination,
-        initial_cost: run.initial_cost,
-        final_cost: run.cost,
-        iterations: run.rows,
+        initial_cost: run.state.initial_cost,
+        final_cost: run.state.cost,
+        iterations: run.state.rows,
         gradient_max_norm: run.gradient_max_norm,
-        linear_residual: run.linear_residual,
+        linear_residual: run.state.linear_residual,
         solve_seconds: run.seconds_before + start.elapsed().as_secs_f64(),
         threads: rayon::current_num_threads(),
     }
@@ -182,24 +161,15 @@ struct Run<'a> {
     options: &'a Options,
     start: Instant,
     interrupt: &'a Interrupt,
-    initial_cost: f64,
     /// Of the loop that this one goes on from.
     seconds_before: f64,
-    cost: f64,
-    damping: f64,
-    damping_growth: f64,
-    /// None without losses, and while approaching.
-    stiffness: Option<f64>,
-    /// Whether steps under bounded losses still lower the cost by much.
-    is_approaching: bool,
     gradient_max_norm: f64,
-    linear_residual: f64,
-    rows: Vec<IterationSummary>,
+    state: LoopState,
 }
 
 impl Run<'_> {
     fn begin(&mut self, system: &mut dyn System, observer: &mut Observer<'_>) -> Termination {
-        if !self.cost.is_finite() {
+        if !self.state.cost.is_finite() {
             return Termination::NumericalFailure;
         }
         let end = self.linearize(system);
@@ -210,42 +180,14 @@ impl Run<'_> {
     }
 
     /// Continues where another loop ended.
-    fn resume(
-        &mut self,
-        system: &mut dyn System,
-        from: &LoopState,
-        observer: &mut Observer<'_>,
-    ) -> Termination {
-        self.initial_cost = from.initial_cost;
-        self.seconds_before = from.seconds();
-        self.cost = from.cost;
-        self.damping = from.damping;
-        self.damping_growth = from.damping_growth;
-        self.stiffness = from.stiffness;
-        self.is_approaching = from.is_approaching;
-        self.linear_residual = from.linear_residual;
-        self.rows.clone_from(&from.rows);
-        if let Some(stiffness) = from.stiffness {
+    fn resume(&mut self, system: &mut dyn System, observer: &mut Observer<'_>) -> Termination {
+        if let Some(stiffness) = self.state.stiffness {
             system.set_stiffness(stiffness);
         }
         if let Some(end) = self.linearize(system) {
             return end;
         }
-        self.iterate(system, from.iteration(), observer)
-    }
-
-    /// Where the loop stands.
-    fn state(&self) -> LoopState {
-        LoopState {
-            initial_cost: self.initial_cost,
-            cost: self.cost,
-            damping: self.damping,
-            damping_growth: self.damping_growth,
-            stiffness: self.stiffness,
-            is_approaching: self.is_approaching,
-            linear_residual: self.linear_residual,
-            rows: self.rows.clone(),
-        }
+        self.iterate(system, self.state.iteration(), observer)
     }
 
     fn iterate(
@@ -266,7 +208,7 @@ impl Run<'_> {
             if iteration > self.options.max_iterations {
                 return Termination::MaxIterations;
             }
-            let solved = system.solve(self.damping);
+            let solved = system.solve(self.state.damping);
             if let Some(end) = self.interrupted() {
                 return end;
             }
@@ -278,15 +220,15 @@ impl Run<'_> {
                 }
                 continue;
             };
-            self.linear_residual = step.linear_residual;
+            self.state.linear_residual = step.linear_residual;
             // Under heavy damping every step is short: then it proves a minimum only where the gradient
             // agrees. A light one that is short has reached what rounding leaves of the state.
             let short = step.norm <= self.options.step_tolerance * step.state_norm;
-            let light = self.damping <= self.options.initial_damping;
+            let light = self.state.damping <= self.options.initial_damping;
             let mut trial = system.apply();
             // That of the step before it is lengthened.
-            let quality = (self.cost - trial) / step.predicted_decrease;
-            if self.stiffness.is_some() && quality > SHORT_STEP {
+            let quality = (self.state.cost - trial) / step.predicted_decrease;
+            if self.state.stiffness.is_some() && quality > SHORT_STEP {
                 trial = lengthen(system, trial);
             }
             if let Some(end) = self.interrupted() {
@@ -294,17 +236,18 @@ impl Run<'_> {
                 system.restore();
                 return end;
             }
-            let decrease = self.cost - trial;
+            let decrease = self.state.cost - trial;
             if trial.is_finite() && decrease >= 0.0 && quality > 0.0 {
-                let small = decrease <= tolerance * self.cost;
-                let has_approached = self.is_approaching && decrease <= APPROACHED * self.cost;
-                self.cost = trial;
-                let damping_used = self.damping;
+                let small = decrease <= tolerance * self.state.cost;
+                let has_approached =
+                    self.state.is_approaching && decrease <= APPROACHED * self.state.cost;
+                self.state.cost = trial;
+                let damping_used = self.state.damping;
                 self.accept(quality);
                 self.adapt_stiffness(system, quality);
                 if has_approached {
-                    self.is_approaching = false;
-                    self.stiffness = Some(1.0);
+                    self.state.is_approaching = false;
+                    self.state.stiffness = Some(1.0);
                     system.begin_inner_iterations();
                 }
                 let end = self.linearize(system);
@@ -314,18 +257,18 @@ impl Run<'_> {
                 }
                 // A small decrease proves a minimum only where the model agrees with the cost.
                 let gain = step.predicted_decrease;
-                if small && gain <= 4.0 * tolerance * self.cost && self.is_flat(tolerance) {
+                if small && gain <= 4.0 * tolerance * self.state.cost && self.is_flat(tolerance) {
                     return Termination::Converged(Tolerance::Cost);
                 }
                 if short && (light || self.is_flat(COST_RESOLUTION)) {
                     return Termination::Converged(Tolerance::Step);
                 }
-                if let Some(row) = self.rows.last() {
-                    system.keep(row, &|| self.state());
+                if let Some(row) = self.state.rows.last() {
+                    system.keep(row, &|| self.state.clone());
                 }
             } else {
                 system.restore();
-                let spent = step.predicted_decrease <= 1e-3 * tolerance * self.cost;
+                let spent = step.predicted_decrease <= 1e-3 * tolerance * self.state.cost;
                 let met = if short && (light || self.is_flat(COST_RESOLUTION)) {
                     Some(Tolerance::Step)
                 } else {
@@ -333,12 +276,12 @@ impl Run<'_> {
                 };
                 if let Some(met) = met {
                     // The model sees nothing left to gain that the cost could resolve.
-                    let stats = Some((step, quality, self.damping));
+                    let stats = Some((step, quality, self.state.damping));
                     let end = self.record(iteration, false, stats, observer);
                     return end.unwrap_or(Termination::Converged(met));
                 }
-                if self.stiffness.is_some_and(|stiffness| stiffness < 1.0) {
-                    let stats = Some((step, quality, self.damping));
+                if self.state.stiffness.is_some_and(|stiffness| stiffness < 1.0) {
+                    let stats = Some((step, quality, self.state.damping));
                     if let Some(end) = self.record(iteration, false, stats, observer) {
                         return end;
                     }
@@ -355,7 +298,7 @@ impl Run<'_> {
     /// Sets the stiffness of the next linearization from the quality of a step, −∞ where the step was
     /// rejected.
     fn adapt_stiffness(&mut self, system: &mut dyn System, quality: f64) {
-        let Some(stiffness) = self.stiffness else { return };
+        let Some(stiffness) = self.state.stiffness else { return };
         let adapted = if quality > SHORT_STEP {
             (SOFTEN * stiffness).max(LEAST_STIFFNESS)
         } else if quality >= TOO_SOFT {
@@ -366,14 +309,14 @@ impl Run<'_> {
             (STIFFEN * stiffness).min(1.0)
         };
         if adapted != stiffness {
-            self.stiffness = Some(adapted);
+            self.state.stiffness = Some(adapted);
             system.set_stiffness(adapted);
         }
     }
 
     /// Linearizes; without an interruption the gradient is then that of the state.
     fn linearize(&mut self, system: &mut dyn System) -> Option<Termination> {
-        let gradient = system.linearize(self.damping);
+        let gradient = system.linearize(self.state.damping);
         let end = self.interrupted();
         if end.is_none() {
             self.gradient_max_norm = gradient.max_norm;
@@ -392,7 +335,7 @@ impl Run<'_> {
     /// gradient tells a step that is short for its damping from one that is at a minimum.
     fn is_flat(&self, share: f64) -> bool {
         // Up to four times the share is granted to the model, as above.
-        self.gradient_max_norm.powi(2) <= 8.0 * share * self.cost
+        self.gradient_max_norm.powi(2) <= 8.0 * share * self.state.cost
     }
 
     /// Changes the damping after an accepted step: down to a third where the model predicted the cost
@@ -402,8 +345,8 @@ impl Run<'_> {
             return;
         }
         let cubic = 1.0 - (2.0 * quality - 1.0).powi(3);
-        self.damping = (self.damping * cubic.max(1.0 / 3.0)).max(DAMPING_RANGE.0);
-        self.damping_growth = 2.0;
+        self.state.damping = (self.state.damping * cubic.max(1.0 / 3.0)).max(DAMPING_RANGE.0);
+        self.state.damping_growth = 2.0;
     }
 
     /// Writes the row of a rejected step and raises the damping.
@@ -413,22 +356,22 @@ impl Run<'_> {
         step: Option<(Step, f64)>,
         observer: &mut Observer<'_>,
     ) -> Option<Termination> {
-        let stats = step.map(|(step, quality)| (step, quality, self.damping));
+        let stats = step.map(|(step, quality)| (step, quality, self.state.damping));
         if let Some(end) = self.record(iteration, false, stats, observer) {
             return Some(end);
         }
         let failure =
             if step.is_none() { Termination::NumericalFailure } else { Termination::Stalled };
-        self.damping *= self.damping_growth;
+        self.state.damping *= self.state.damping_growth;
         if self.options.method == Method::GaussNewton {
             // A singular matrix has no full step, but damped ones.
             if step.is_some() {
                 return Some(failure);
             }
-            self.damping = self.damping.max(self.options.initial_damping);
+            self.state.damping = self.state.damping.max(self.options.initial_damping);
         }
-        self.damping_growth *= 2.0;
-        (self.damping > DAMPING_RANGE.1).then_some(failure)
+        self.state.damping_growth *= 2.0;
+        (self.state.damping > DAMPING_RANGE.1).then_some(failure)
     }
 
     /// Writes a row and shows it; says whether the observer or the clock ends the loop.
@@ -441,7 +384,7 @@ impl Run<'_> {
     ) -> Option<Termination> {
         let row = IterationSummary {
             iteration,
-            cost: self.cost,
+            cost: self.state.cost,
             seconds: self.seconds_before + self.start.elapsed().as_secs_f64(),
             accepted,
             damping: step.map_or(0.0, |(_, _, damping)| damping),
@@ -449,7 +392,7 @@ impl Run<'_> {
             step_norm: step.map_or(0.0, |(step, _, _)| step.norm),
             step_quality: step.map_or(0.0, |(_, quality, _)| quality),
         };
-        self.rows.push(row);
+        self.state.rows.push(row);
         if observer(&row) == Control::Cancel {
             return Some(Termination::Cancelled);
         }

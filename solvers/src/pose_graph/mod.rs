@@ -22,7 +22,7 @@ pub use undetermined::{Undetermined, undetermined};
 
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
-use crate::optimizer::{self, Observer, SolveSummary, Unmoved, minimize_until, with_threads};
+use crate::optimizer::{self, Observer, SolveSummary, Unmoved, minimize, with_threads};
 use crate::price::{Limits, Price};
 use crate::problem::{PoseGraph, SolveError};
 
@@ -89,27 +89,14 @@ pub fn solve_until<G: LieGroup<N>, const N: usize>(
         let limits = Limits { ceiling: options.optimizer.ceiling, interrupt: &interrupt };
         let run = (start, &interrupt);
         match PoseGraphSystem::new(graph, limits) {
-            Ok(mut system) => Ok(minimize_until(&mut system, &options.optimizer, run, observer)),
+            Ok(mut system) => Ok(minimize(&mut system, &options.optimizer, run, None, observer)),
             Err(SolveError::Interrupted) => {
                 let mut start = Unmoved(cost(graph, &Interrupt::NEVER));
-                Ok(minimize_until(&mut start, &options.optimizer, run, observer))
+                Ok(minimize(&mut start, &options.optimizer, run, None, observer))
             }
             Err(error) => Err(error),
         }
     })?
-}
-
-/// What [`solve`] takes besides the graph. The fill is counted and never formed: time and memory of
-/// this are nearly linear in the edges. Without a constant pose it is counted as if all moved.
-///
-/// # Errors
-/// Those of [`PoseGraph::validate`]; [`SolveError::Interrupted`].
-pub fn price<G: LieGroup<N>, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    graph.validate()?;
-    system::price(graph, interrupt)
 }
 
 /// At least what [`solve`] takes, whatever the edges tie together: for telling small graphs from

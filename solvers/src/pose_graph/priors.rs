@@ -89,9 +89,7 @@ impl Sink<'_> {
         let weight = loss.evaluate(information.squared_norm(residual)).weight;
         let omega_d = information.matrix() * d_pose * weight;
         let (h, g) = (d_pose.tr_mul(&omega_d), omega_d.tr_mul(residual));
-        if let Some(block) = self.hessian.block_mut(row, row) {
-            block.iter_mut().zip(h.iter()).for_each(|(entry, value)| *entry += value);
-        }
+        self.hessian.add_block(row, row, &h);
         let own = &mut self.gradient[row * N..][..N];
         own.iter_mut().zip(g.iter()).for_each(|(entry, value)| *entry += value);
     }

@@ -17,7 +17,7 @@ use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale, from_linear};
 use crate::parallel;
-use crate::price::{Limits, Price};
+use crate::price::Limits;
 use crate::problem::{PoseGraph, SolveError};
 
 /// Least damping of a graph whose edges may leave a direction of a pose open: far above the
@@ -30,51 +30,6 @@ const LEAST_SCALE: f64 = 1e-3;
 
 /// Poses that a task moves.
 const POSES_PER_TASK: usize = 128;
-
-/// The block rows of the poses that move.
-pub(super) struct Rows {
-    /// `None` for constant poses.
-    of: Vec<Option<usize>>,
-    count: usize,
-}
-
-impl Rows {
-    fn new<G, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
-        let mut count = 0;
-        let row = |&constant: &bool| {
-            (!constant).then(|| {
-                count += 1;
-                count - 1
-            })
-        };
-        let of = graph.constant.iter().map(row).collect();
-        Self { of, count }
-    }
-
-    /// The rows of both poses of each edge.
-    fn of_edges<'a, G, const N: usize>(
-        &'a self,
-        graph: &'a PoseGraph<G, N>,
-    ) -> impl Iterator<Item = (Option<usize>, Option<usize>)> + Clone + 'a {
-        graph.edges.iter().map(|edge| (self.of[edge.i], self.of[edge.j]))
-    }
-}
-
-/// What solving `graph` takes besides the graph.
-pub(super) fn price<G: LieGroup<N>, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    let rows = Rows::new(graph);
-    let pairs = rows.of_edges(graph).filter_map(|(i, j)| i.zip(j));
-    let pattern = BlockPattern::new(vec![N; rows.count], pairs);
-    let price = Cholesky::price(&pattern, interrupt);
-    let price = price.map_err(|error| from_linear(error, pattern.dimension()))?;
-    let edge_flops = (graph.edges.len() * 40 * N * N) as f64;
-    let flops_per_iteration = price.flops_per_iteration + edge_flops;
-    let bytes = price.bytes.saturating_add(linear_bytes(graph, &pattern));
-    Ok(Price { bytes, flops_per_iteration })
-}
 
 /// Bytes besides the factor: a term and two incidences an edge, poses, vectors, H.
 fn linear_bytes<G, const N: usize>(graph: &PoseGraph<G, N>, pattern: &BlockPattern) -> u64 {
@@ -128,16 +83,15 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
         limits: Limits<'a>,
     ) -> Result<Self, SolveError> {
         check_start(graph)?;
-        let rows = Rows::new(graph);
-        let pairs = rows.of_edges(graph).filter_map(|(i, j)| i.zip(j));
-        let pattern = Arc::new(BlockPattern::new(vec![N; rows.count], pairs));
+        let (poses, row_of) = graph.free_of_solve();
+        let pairs = graph.places_of_edges(&row_of).filter_map(|(i, j)| i.zip(j));
+        let pattern = Arc::new(BlockPattern::new(vec![N; poses.len()], pairs));
         let linear = linear_bytes(graph, &pattern);
         let scalars = pattern.dimension();
         let Limits { ceiling, interrupt } = limits.less(linear);
         let factor = Cholesky::within(Arc::clone(&pattern), ceiling, interrupt)
             .map_err(|error| from_linear(error, scalars).beside(linear))?;
-        let incidences = Incidences::new(&pattern, rows.of_edges(graph));
-        let row_of = rows.of;
+        let incidences = Incidences::new(&pattern, graph.places_of_edges(&row_of));
         let norm_squared: f64 = graph.poses.iter().map(|pose| pose.log().norm_squared()).sum();
         Ok(Self {
             backup: graph.poses.clone(),

@@ -77,8 +77,8 @@ pub(super) fn hessian<G: LieGroup<N>, const N: usize>(
     row_of: &[Option<usize>],
     rows: usize,
 ) -> BlockMatrix {
-    let rows_of_edges = graph.edges.iter().map(|edge| (row_of[edge.i], row_of[edge.j]));
-    let pairs = rows_of_edges.clone().filter_map(|(i, j)| i.zip(j)).filter(|(i, j)| i != j);
+    let rows_of_edges = graph.places_of_edges(row_of);
+    let pairs = rows_of_edges.clone().filter_map(|(i, j)| i.zip(j));
     let pattern = Arc::new(BlockPattern::new(vec![N; rows], pairs));
     let incidences = Incidences::new(&pattern, rows_of_edges);
     let mut blocks = vec![PairTerm::zeros(); graph.edges.len()];

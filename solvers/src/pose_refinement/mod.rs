@@ -20,6 +20,7 @@ use nalgebra::{SMatrix, Vector2, Vector3};
 use crate::factors::PosePrior;
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::information::Information;
+use crate::interrupt::Interrupt;
 use crate::loss::Loss;
 use crate::optimizer::{self, Observer, SolveSummary, minimize};
 use crate::price::Price;
@@ -121,7 +122,9 @@ pub fn refine(
     });
     let terms = Terms { camera, list: observations, packed: &packed, prior, loss: options.loss };
     let mut system = PoseSystem::new(terms, *world_from_camera)?;
-    let summary = minimize(&mut system, &options.optimizer, start, observer);
+    let interrupt = Interrupt::NEVER.or_after(start, options.optimizer.deadline);
+    let run = (start, &interrupt);
+    let summary = minimize(&mut system, &options.optimizer, run, None, observer);
     let (mut squared_errors, depths) = packed.fit(system.pose());
     for s in &mut squared_errors {
         // No projection is an infinite error.

@@ -6,14 +6,14 @@
 
 use super::PointObservation;
 use super::normal_equations::Evaluation;
-use crate::factors::{Linearization, Observed};
+use crate::factors::Reprojection;
 use crate::geometry::{Camera, Se3};
 use crate::loss::Loss;
 use crate::problem::SolveError;
 
 impl PointObservation {
-    fn factor(&self) -> Observed {
-        Observed::new(self.pixel, self.sigma_px, self.depth_m)
+    fn factor(&self) -> Reprojection {
+        Reprojection { pixel: self.pixel, sigma_px: self.sigma_px, depth_m: self.depth_m }
     }
 
     fn squared_error(&self, pose: &Se3, camera: &Camera) -> f64 {
@@ -55,19 +55,12 @@ pub(super) fn evaluate(
     let mut sum = Evaluation::zero();
     for o in observations {
         sum.cost += 0.5 * loss.evaluate(o.squared_error(pose, camera)).rho;
-        let point = &o.point_in_world;
-        match o.factor() {
-            Observed::Pixel(f) => add(&mut sum, loss, f.linearize(pose, camera, point)),
-            Observed::Depth(f) => add(&mut sum, loss, f.linearize(pose, camera, point)),
+        if let Some(l) = o.factor().linearize(pose, camera, &o.point_in_world) {
+            let weight = loss.evaluate(l.residual.norm_squared()).weight;
+            let left = l.d_pose.transpose() * weight;
+            sum.hessian += left * l.d_pose;
+            sum.gradient += left * l.residual;
         }
     }
     sum
-}
-
-fn add<const R: usize>(sum: &mut Evaluation, loss: Loss, linearization: Option<Linearization<R>>) {
-    let Some(l) = linearization else { return };
-    let weight = loss.evaluate(l.residual.norm_squared()).weight;
-    let left = l.d_pose.transpose() * weight;
-    sum.hessian += left * l.d_pose;
-    sum.gradient += left * l.residual;
 }

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::SolveError;
 use super::pose_factors::{check_priors, check_relative_poses};
 use crate::factors::{
-    DepthReprojectionBatch, PosePrior, PositionPrior, RelativePose, ReprojectionBatch,
+    DepthReprojectionBatch, PosePrior, PositionPrior, RelativePose, Reprojection, ReprojectionBatch,
 };
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::loss::Loss;
@@ -45,6 +45,19 @@ pub struct BundleProblem {
     pub relative_pose_loss: Loss,
 }
 
+/// One observation of either batch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// Index of the observing pose.
+    pub pose: u32,
+    /// Index of the observing camera.
+    pub camera: u32,
+    /// Index of the observed landmark.
+    pub landmark: u32,
+    /// What was measured.
+    pub seen: Reprojection,
+}
+
 impl BundleProblem {
     /// Appends a pose that may move and returns its index.
     pub fn push_pose(&mut self, world_from_camera: Se3) -> usize {
@@ -67,10 +80,63 @@ impl BundleProblem {
         self.landmarks.len() - 1
     }
 
+    /// Appends an observation to the batch of its kind.
+    pub fn push_observation(&mut self, pose: u32, camera: u32, landmark: u32, seen: Reprojection) {
+        let Reprojection { pixel, sigma_px, depth_m } = seen;
+        let Some((depth_m, sigma_depth_m)) = depth_m else {
+            self.reprojections.push(pose, camera, landmark, pixel, sigma_px);
+            return;
+        };
+        let batch = &mut self.depth_reprojections;
+        batch.poses.push(pose);
+        batch.cameras.push(camera);
+        batch.landmarks.push(landmark);
+        batch.pixels.push(pixel);
+        batch.depths_m.push(depth_m);
+        batch.sigmas_px.push(sigma_px);
+        batch.sigmas_depth_m.push(sigma_depth_m);
+    }
+
     /// Observations of both batches together.
     #[must_use]
     pub fn observation_count(&self) -> usize {
         self.reprojections.len() + self.depth_reprojections.len()
+    }
+
+    /// Observation `k`, those (u, v) first, then those (u, v, depth).
+    ///
+    /// # Panics
+    /// Where there is none, or the arrays of its batch differ in length.
+    #[must_use]
+    pub fn observation(&self, k: usize) -> Observation {
+        let (plain, deep) = (&self.reprojections, &self.depth_reprojections);
+        match k.checked_sub(plain.len()) {
+            None => Observation {
+                pose: plain.poses[k],
+                camera: plain.cameras[k],
+                landmark: plain.landmarks[k],
+                seen: Reprojection {
+                    pixel: plain.pixels[k],
+                    sigma_px: plain.sigmas_px[k],
+                    depth_m: None,
+                },
+            },
+            Some(k) => Observation {
+                pose: deep.poses[k],
+                camera: deep.cameras[k],
+                landmark: deep.landmarks[k],
+                seen: Reprojection {
+                    pixel: deep.pixels[k],
+                    sigma_px: deep.sigmas_px[k],
+                    depth_m: Some((deep.depths_m[k], deep.sigmas_depth_m[k])),
+                },
+            },
+        }
+    }
+
+    /// All observations, as [`Self::observation`] numbers them.
+    pub fn observations(&self) -> impl Iterator<Item = Observation> + Clone + '_ {
+        (0..self.observation_count()).map(|k| self.observation(k))
     }
 
     /// Observations whose landmark is at or behind the camera's center plane (z ≤ 0).

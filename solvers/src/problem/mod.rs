@@ -11,7 +11,7 @@ mod pose_factors;
 mod pose_graph;
 mod rigidity;
 
-pub use bundle::BundleProblem;
+pub use bundle::{BundleProblem, Observation};
 pub use disjoint_sets::DisjointSets;
 pub use error::SolveError;
 pub use pose_graph::{Piece, PoseGraph};

@@ -155,6 +155,14 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         (poses, place_of)
     }
 
+    /// The places of both poses of each edge.
+    pub(crate) fn places_of_edges<'a>(
+        &'a self,
+        place_of: &'a [Option<usize>],
+    ) -> impl Iterator<Item = (Option<usize>, Option<usize>)> + Clone + 'a {
+        self.edges.iter().map(|edge| (place_of[edge.i], place_of[edge.j]))
+    }
+
     /// Checks that lengths and indices agree, ids are unique, every number is finite and the graph
     /// is in one piece (counting all constant poses and all that have a prior as one, since each of
     /// them has a place in the world).

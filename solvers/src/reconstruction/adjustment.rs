@@ -7,7 +7,7 @@
 use super::Estimate;
 use super::bearings::Bearings;
 use crate::bundle_adjustment::{self, BundleSummary};
-use crate::factors::{DepthReprojection, RelativePose};
+use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, Se3};
 use crate::interrupt::Interrupt;
 use crate::loss::Loss;
@@ -51,23 +51,7 @@ pub(super) fn adjust(
     for (bearing, _) in bearings.all.iter().zip(&estimate.used).filter(|(_, used)| **used) {
         let (pose, camera) = (bearing.pose as u32, bearing.camera as u32);
         let landmark = bearing.landmark as u32;
-        match bearing.depth_m {
-            None => {
-                let (pixel, sigma_px) = (bearing.pixel, bearing.sigma_px);
-                problem.reprojections.push(pose, camera, landmark, pixel, sigma_px);
-            }
-            Some((depth_m, sigma_depth_m)) => problem.depth_reprojections.push(
-                pose,
-                camera,
-                landmark,
-                DepthReprojection {
-                    pixel: bearing.pixel,
-                    depth_m,
-                    sigma_px: bearing.sigma_px,
-                    sigma_depth_m,
-                },
-            ),
-        }
+        problem.push_observation(pose, camera, landmark, bearing.seen);
     }
     if problem.observation_count() == 0 {
         return Ok(None);

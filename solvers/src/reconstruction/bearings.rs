@@ -4,11 +4,12 @@
 //! the distance along the ray. Bearings are numbered as the problem's observations: those without depth
 //! first, then those with. It reads no pose and no landmark.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
+use crate::factors::Reprojection;
 use crate::geometry::Camera;
 use crate::order;
-use crate::problem::BundleProblem;
+use crate::problem::{BundleProblem, Observation};
 
 /// One observation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,10 +17,7 @@ pub(super) struct Bearing {
     pub(super) pose: usize,
     pub(super) camera: usize,
     pub(super) landmark: usize,
-    pub(super) pixel: Vector2<f64>,
-    pub(super) sigma_px: f64,
-    /// Depth along the optical axis and its standard deviation, m.
-    pub(super) depth_m: Option<(f64, f64)>,
+    pub(super) seen: Reprojection,
     /// In the camera, of unit length; zero where the pixel has none, and the bearing is not used then.
     pub(super) ray: Vector3<f64>,
     /// Standard deviation of the ray's direction, rad.
@@ -27,6 +25,14 @@ pub(super) struct Bearing {
 }
 
 impl Bearing {
+    fn new(cameras: &[Camera], observation: &Observation) -> Self {
+        let Observation { pose, camera, landmark, seen } = *observation;
+        let of = ray(&cameras[camera as usize], &seen);
+        let (ray, sigma_rad) = of.unwrap_or((Vector3::zeros(), 0.0));
+        let (pose, camera, landmark) = (pose as usize, camera as usize, landmark as usize);
+        Self { pose, camera, landmark, seen, ray, sigma_rad }
+    }
+
     /// Whether there is a ray.
     pub(super) fn is_usable(&self) -> bool {
         self.sigma_rad > 0.0
@@ -34,7 +40,7 @@ impl Bearing {
 
     /// The point in the camera that is measured, with its distance and the standard deviation of that, m.
     pub(super) fn point_in_camera(&self) -> Option<(Vector3<f64>, f64, f64)> {
-        let (depth, sigma) = self.depth_m.filter(|&(depth, _)| depth > 0.0)?;
+        let (depth, sigma) = self.seen.depth_m.filter(|&(depth, _)| depth > 0.0)?;
         let distance = depth / self.ray.z;
         (self.ray.z > 0.0).then(|| (self.ray * distance, distance, sigma / self.ray.z))
     }
@@ -53,17 +59,8 @@ pub(super) struct Bearings {
 impl Bearings {
     /// The problem is valid.
     pub(super) fn new(problem: &BundleProblem) -> Self {
-        let (plain, depth) = (&problem.reprojections, &problem.depth_reprojections);
-        let mut all = Vec::with_capacity(problem.observation_count());
-        for k in 0..plain.len() {
-            let indices = [plain.poses[k], plain.cameras[k], plain.landmarks[k]];
-            all.push(bearing(problem, indices, plain.pixels[k], plain.sigmas_px[k], None));
-        }
-        for k in 0..depth.len() {
-            let indices = [depth.poses[k], depth.cameras[k], depth.landmarks[k]];
-            let depth_m = Some((depth.depths_m[k], depth.sigmas_depth_m[k]));
-            all.push(bearing(problem, indices, depth.pixels[k], depth.sigmas_px[k], depth_m));
-        }
+        let all: Vec<Bearing> =
+            problem.observations().map(|o| Bearing::new(&problem.cameras, &o)).collect();
         let mut of_pose = vec![Vec::new(); problem.poses.len()];
         for (index, bearing) in all.iter().enumerate().filter(|(_, bearing)| bearing.is_usable()) {
             of_pose[bearing.pose].push(index as u32);
@@ -84,8 +81,7 @@ impl Bearings {
     pub(super) fn set_cameras(&mut self, cameras: &[Camera]) {
         for bearing in &mut self.all {
             if bearing.is_usable()
-                && let Some((ray, sigma)) =
-                    ray(&cameras[bearing.camera], &bearing.pixel, bearing.sigma_px)
+                && let Some((ray, sigma)) = ray(&cameras[bearing.camera], &bearing.seen)
             {
                 (bearing.ray, bearing.sigma_rad) = (ray, sigma);
             }
@@ -113,26 +109,13 @@ impl Bearings {
     }
 }
 
-fn bearing(
-    problem: &BundleProblem,
-    [pose, camera, landmark]: [u32; 3],
-    pixel: Vector2<f64>,
-    sigma_px: f64,
-    depth_m: Option<(f64, f64)>,
-) -> Bearing {
-    let of = ray(&problem.cameras[camera as usize], &pixel, sigma_px);
-    let (ray, sigma_rad) = of.unwrap_or((Vector3::zeros(), 0.0));
-    let (pose, camera, landmark) = (pose as usize, camera as usize, landmark as usize);
-    Bearing { pose, camera, landmark, pixel, sigma_px, depth_m, ray, sigma_rad }
-}
-
 /// The unit ray of a pixel and its standard deviation.
-fn ray(camera: &Camera, pixel: &Vector2<f64>, sigma_px: f64) -> Option<(Vector3<f64>, f64)> {
-    let ray = camera.unproject(pixel)?.try_normalize(f64::MIN_POSITIVE)?;
+fn ray(camera: &Camera, seen: &Reprojection) -> Option<(Vector3<f64>, f64)> {
+    let ray = camera.unproject(&seen.pixel)?.try_normalize(f64::MIN_POSITIVE)?;
     let d_point = camera.project_with_jacobians(&ray)?.d_point;
     let tangent = super::tangent_basis(&ray);
     // Pixels a radian, as the root of how areas grow.
     let px_per_rad = (d_point * tangent).determinant().abs().sqrt();
-    let sigma = sigma_px / px_per_rad;
+    let sigma = seen.sigma_px / px_per_rad;
     (sigma > 0.0 && sigma.is_finite() && ray.iter().all(|v| v.is_finite())).then_some((ray, sigma))
 }

@@ -9,9 +9,10 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Estimate;
-use super::bearings::Bearings;
+use super::bearings::{Bearing, Bearings};
 use super::points::squared_error;
-use crate::geometry::{LieGroup, Se3, So3};
+use crate::factors::Reprojection;
+use crate::geometry::{LieGroup, Se3, Sim3, So3};
 use crate::problem::BundleProblem;
 
 /// Fits; they settle after some ten.
@@ -19,41 +20,24 @@ const FITS: usize = 40;
 /// A distance below this share of the median weighs as if it were so large.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// x ↦ s R x + t, and what it does to a pose.
-#[derive(Clone, Copy, Debug)]
-struct Similarity {
-    scale: f64,
-    rotation: So3,
-    translation: Vector3<f64>,
-}
-
-impl Similarity {
-    fn point(&self, p: &Vector3<f64>) -> Vector3<f64> {
-        self.rotation.rotate(p) * self.scale + self.translation
+fn apply(similarity: &Sim3, estimate: &mut Estimate) {
+    for pose in estimate.poses.iter_mut().flatten() {
+        *pose = similarity.transform_pose(pose);
     }
-
-    fn apply(&self, estimate: &mut Estimate) {
-        for pose in estimate.poses.iter_mut().flatten() {
-            *pose = Se3::new(self.rotation.compose(&pose.rotation), self.point(&pose.translation));
-        }
-        for point in estimate.points.iter_mut().flatten() {
-            *point = self.point(point);
-        }
+    for point in estimate.points.iter_mut().flatten() {
+        *point = similarity.transform(point);
     }
 }
 
 /// Makes every length `scale` times as long.
 pub(super) fn rescale(estimate: &mut Estimate, scale: f64) {
-    let similarity = Similarity { scale, rotation: So3::identity(), translation: Vector3::zeros() };
-    similarity.apply(estimate);
+    apply(&Sim3 { scale, ..Sim3::identity() }, estimate);
 }
 
 /// The lowest placed keyframe becomes the origin; with `has_scale` lengths stay.
 pub(super) fn to_own(bearings: &Bearings, estimate: &mut Estimate, has_scale: bool) {
     let Some(first) = estimate.poses.iter().flatten().next().copied() else { return };
-    let back = first.inverse();
-    let motion = Similarity { scale: 1.0, rotation: back.rotation, translation: back.translation };
-    motion.apply(estimate);
+    apply(&first.inverse().into(), estimate);
     if has_scale {
         return;
     }
@@ -88,7 +72,7 @@ pub(super) fn to_given(given: &[Se3], estimate: &mut Estimate, has_scale: bool) 
         .map(|(own, given)| (rotation.rotate(&own.translation), given.translation))
         .collect();
     let (scale, translation, is_measured) = fit(&centers, has_scale);
-    Similarity { scale, rotation, translation }.apply(estimate);
+    apply(&Sim3 { rotation, translation, scale }, estimate);
     is_measured
 }
 
@@ -172,7 +156,8 @@ pub(super) fn noise_factor(bearings: &Bearings, estimate: &Estimate) -> f64 {
     let mut errors: Vec<f64> = used
         .filter_map(|(bearing, _)| {
             let (pose, point) = (estimate.poses[bearing.pose]?, estimate.points[bearing.landmark]?);
-            let plain = super::bearings::Bearing { depth_m: None, ..*bearing };
+            let seen = Reprojection { depth_m: None, ..bearing.seen };
+            let plain = Bearing { seen, ..*bearing };
             Some(squared_error(&plain, &pose, estimate, &point).sqrt())
         })
         .collect();

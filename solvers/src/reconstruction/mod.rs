@@ -35,12 +35,12 @@ mod view_graph;
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Matrix3x2, Vector3};
+use nalgebra::{Matrix3x2, Vector3};
 
 use crate::bundle_adjustment::{BundleSummary, LinearSolver};
 use crate::geometry::{Camera, Se3};
 use crate::interrupt::{Interrupt, Interruption};
-use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
+use crate::linear::{BlockPattern, Cholesky, LinearError};
 use crate::optimizer::{self, Control, from_linear, with_threads};
 use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
@@ -368,15 +368,6 @@ fn tangent_basis(direction: &Vector3<f64>) -> Matrix3x2<f64> {
     axis[direction.iamin()] = 1.0;
     let first = direction.cross(&axis).normalize();
     Matrix3x2::from_columns(&[first, direction.cross(&first)])
-}
-
-/// Adds block (i, j) of a symmetric matrix, of either triangle; where i and j are one, `block` is the
-/// whole of it.
-fn add_block(matrix: &mut BlockMatrix, i: usize, j: usize, block: &Matrix3<f64>) {
-    let block = if i < j { block.transpose() } else { *block };
-    if let Some(values) = matrix.block_mut(i.max(j), i.min(j)) {
-        values.iter_mut().zip(block.as_slice()).for_each(|(value, added)| *value += added);
-    }
 }
 
 /// A factorization on a pattern; `None` where the interrupt is due.

@@ -30,9 +30,7 @@ pub(super) struct Run<'a, 'o> {
     pub(super) problem: &'a BundleProblem,
     pub(super) options: &'a Options,
     pub(super) interrupt: Interrupt,
-    pub(super) observer: &'a mut Observer<'o>,
-    pub(super) begin: Instant,
-    pub(super) is_cancelled: bool,
+    pub(super) report: Report<'a, 'o>,
     pub(super) bearings: Bearings,
     pub(super) estimate: Estimate,
     pub(super) view_graph: ViewGraph,
@@ -41,6 +39,29 @@ pub(super) struct Run<'a, 'o> {
     pub(super) reasons: Vec<Unplaced>,
     /// Keyframes that are placed by relative poses.
     pub(super) is_strung: Vec<bool>,
+}
+
+/// The observer, with the clock and whether it canceled.
+pub(super) struct Report<'a, 'o> {
+    observer: &'a mut Observer<'o>,
+    begin: Instant,
+    is_cancelled: bool,
+}
+
+impl Report<'_, '_> {
+    /// Tells how far a stage is; whether the work goes on.
+    pub(super) fn tell(
+        &mut self,
+        stage: Stage,
+        done: usize,
+        total: usize,
+        cost: Option<f64>,
+    ) -> Control {
+        let seconds = self.begin.elapsed().as_secs_f64();
+        let progress = Progress { stage, done, total, cost, seconds };
+        self.is_cancelled |= (self.observer)(&progress) == Control::Cancel;
+        if self.is_cancelled { Control::Cancel } else { Control::Continue }
+    }
 }
 
 impl<'a, 'o> Run<'a, 'o> {
@@ -62,9 +83,7 @@ impl<'a, 'o> Run<'a, 'o> {
             problem,
             options,
             interrupt: interrupt.or_after(begin, options.optimizer.deadline),
-            observer,
-            begin,
-            is_cancelled: false,
+            report: Report { observer, begin, is_cancelled: false },
             bearings,
             estimate,
             view_graph: ViewGraph::default(),
@@ -93,26 +112,20 @@ impl<'a, 'o> Run<'a, 'o> {
     }
 
     pub(super) fn is_due(&self) -> bool {
-        self.is_cancelled || self.interrupt.is_due()
-    }
-
-    pub(super) fn tell(&mut self, stage: Stage, done: usize, total: usize, cost: Option<f64>) {
-        let seconds = self.begin.elapsed().as_secs_f64();
-        let progress = Progress { stage, done, total, cost, seconds };
-        self.is_cancelled |= (self.observer)(&progress) == Control::Cancel;
+        self.report.is_cancelled || self.interrupt.is_due()
     }
 
     /// Stages 1 and 2.
     fn view_graph_edges(&mut self) -> Vec<Edge> {
         let count = self.problem.poses.len();
-        self.tell(Stage::ViewGraph, 0, count, None);
+        self.report.tell(Stage::ViewGraph, 0, count, None);
         if self.is_due() {
             return Vec::new();
         }
         let candidates =
             view_graph::candidates(&self.bearings, self.options.min_common, &self.interrupt);
         let mut chosen = view_graph::selected(&candidates, count, self.options.max_neighbors);
-        self.tell(Stage::ViewGraph, count, count, None);
+        self.report.tell(Stage::ViewGraph, count, count, None);
         let pairs: Vec<Candidate> = chosen.iter().map(|&index| candidates[index]).collect();
         let mut edges = self.measure(&pairs, 0);
         if self.is_due() {
@@ -144,14 +157,9 @@ impl<'a, 'o> Run<'a, 'o> {
             min_common: self.options.min_common,
             seed: self.options.seed,
         };
-        let (begin, total) = (self.begin, before + pairs.len());
-        let (observer, is_cancelled) = (&mut *self.observer, &mut self.is_cancelled);
+        let (report, total) = (&mut self.report, before + pairs.len());
         let mut done = |count: usize| {
-            let seconds = begin.elapsed().as_secs_f64();
-            let (stage, done) = (Stage::RelativePoses, before + count);
-            let progress = Progress { stage, done, total, cost: None, seconds };
-            *is_cancelled |= observer(&progress) == Control::Cancel;
-            !*is_cancelled
+            report.tell(Stage::RelativePoses, before + count, total, None) == Control::Continue
         };
         measuring.all(pairs, &self.interrupt, &mut done)
     }
@@ -188,7 +196,7 @@ impl<'a, 'o> Run<'a, 'o> {
         let mut kept: Vec<&Edge> = edges.iter().collect();
         let mut averaged = vec![None; count];
         for round in 0..ROTATION_ROUNDS {
-            self.tell(Stage::Rotations, round, ROTATION_ROUNDS, None);
+            self.report.tell(Stage::Rotations, round, ROTATION_ROUNDS, None);
             if self.is_due() {
                 return Ok(false);
             }
@@ -238,14 +246,9 @@ impl<'a, 'o> Run<'a, 'o> {
             }
         }
         let used: Vec<bool> = votes.iter().map(|&votes| votes >= 0).collect();
-        let (begin, total) = (self.begin, super::positions::MAX_ITERATIONS);
-        let (observer, is_cancelled) = (&mut *self.observer, &mut self.is_cancelled);
+        let (report, total) = (&mut self.report, super::positions::MAX_ITERATIONS);
         let mut row = |done: usize, cost: f64| {
-            let seconds = begin.elapsed().as_secs_f64();
-            let cost = Some(cost);
-            let progress = Progress { stage: Stage::Positions, done, total, cost, seconds };
-            *is_cancelled |= observer(&progress) == Control::Cancel;
-            !*is_cancelled
+            report.tell(Stage::Positions, done, total, Some(cost)) == Control::Continue
         };
         let seed = self.options.seed;
         let (bearings, interrupt) = (&self.bearings, &self.interrupt);
@@ -267,7 +270,7 @@ impl<'a, 'o> Run<'a, 'o> {
 
     pub(super) fn has_depth(&self) -> bool {
         let mut used = self.bearings.all.iter().zip(&self.estimate.used);
-        used.any(|(bearing, used)| *used && bearing.depth_m.is_some())
+        used.any(|(bearing, used)| *used && bearing.seen.depth_m.is_some())
     }
 
     /// Stage 7.
@@ -295,7 +298,7 @@ impl<'a, 'o> Run<'a, 'o> {
         };
         let placements = (0..self.problem.poses.len()).map(placement).collect();
         let (plain, depth) = self.estimate.used.split_at(self.problem.reprojections.len());
-        let cancelled = self.is_cancelled.then_some(Interruption::Cancelled);
+        let cancelled = self.report.is_cancelled.then_some(Interruption::Cancelled);
         Reconstruction {
             placements,
             reprojections: plain.to_vec(),
@@ -307,7 +310,7 @@ impl<'a, 'o> Run<'a, 'o> {
             view_graph: self.view_graph,
             adjustment: self.adjustment,
             ended: cancelled.or_else(|| self.interrupt.reason()),
-            seconds: self.begin.elapsed().as_secs_f64(),
+            seconds: self.report.begin.elapsed().as_secs_f64(),
         }
     }
 }

@@ -9,7 +9,6 @@ use nalgebra::Vector3;
 
 use super::Estimate;
 use super::bearings::{Bearing, Bearings};
-use crate::factors::Observed;
 use crate::geometric_verification::Numbers;
 use crate::geometry::Se3;
 use crate::initialization::{TriangulationOptions, View, triangulate};
@@ -115,7 +114,7 @@ fn place(
     let of = |point| support(bearings, estimate, &rays, point, acceptance.gate);
     let point = if of(&refined) >= of(&point) { refined } else { point };
     let agreeing = self::agreeing(bearings, estimate, &rays, &point, acceptance.gate);
-    let has_depth = agreeing.iter().any(|&index| bearings.get(index).depth_m.is_some());
+    let has_depth = agreeing.iter().any(|&index| bearings.get(index).seen.depth_m.is_some());
     let is_enough = agreeing.len() >= 2 || (has_depth && !agreeing.is_empty());
     is_enough.then_some((point, agreeing))
 }
@@ -157,8 +156,7 @@ pub(super) fn squared_error(
     if pose.inverse_transform(point).z <= 0.0 {
         return f64::INFINITY;
     }
-    let factor = Observed::new(bearing.pixel, bearing.sigma_px, bearing.depth_m);
-    factor.squared_error(pose, &estimate.cameras[bearing.camera], point)
+    bearing.seen.squared_error(pose, &estimate.cameras[bearing.camera], point)
 }
 
 fn of_ray(bearings: &Bearings, estimate: &Estimate, ray: &Ray, point: &Vector3<f64>) -> f64 {
@@ -194,9 +192,9 @@ fn view(bearing: &Bearing, estimate: &Estimate) -> Option<View> {
     Some(View {
         world_from_camera: estimate.poses[bearing.pose]?,
         camera: estimate.cameras[bearing.camera],
-        pixel: bearing.pixel,
-        sigma_px: bearing.sigma_px,
-        depth_m: bearing.depth_m,
+        pixel: bearing.seen.pixel,
+        sigma_px: bearing.seen.sigma_px,
+        depth_m: bearing.seen.depth_m,
     })
 }
 

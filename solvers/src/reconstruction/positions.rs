@@ -16,7 +16,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 
 use super::bearings::Bearings;
-use super::{add_block, planned};
+use super::planned;
 use crate::geometric_verification::Numbers;
 use crate::geometry::So3;
 use crate::interrupt::Interrupt;
@@ -237,9 +237,9 @@ impl System {
                 let change = through * pull_of_all - pull;
                 right[3 * kept..].iter_mut().zip(change.iter()).for_each(|(r, c)| *r += c);
                 let own_block = stiffness - through * stiffness;
-                add_block(&mut self.matrix, *kept, *kept, &own_block);
+                self.matrix.add_block(*kept, *kept, &own_block);
                 for (other, other_stiffness, _) in &own[..k] {
-                    add_block(&mut self.matrix, *kept, *other, &-(through * other_stiffness));
+                    self.matrix.add_block(*kept, *other, &-(through * other_stiffness));
                 }
             }
             solved.push((inverse, pull_of_all));

@@ -9,13 +9,13 @@ use super::bearings::{Bearing, Bearings};
 use super::pipeline::Run;
 use super::points::{Acceptance, triangulate_all};
 use super::resection::{Seen, exact, resect};
-use super::{Estimate, Options, Progress, Stage, Unplaced, frame};
+use super::{Estimate, Options, Stage, Unplaced, frame};
 use crate::bundle_adjustment;
 use crate::factors::RelativePose;
 use crate::geometric_verification::Numbers;
 use crate::geometry::{LieGroup, Se3};
 use crate::loss::Loss;
-use crate::optimizer::{self, Control, IterationSummary};
+use crate::optimizer::{self, IterationSummary};
 use crate::parallel;
 use crate::problem::SolveError;
 
@@ -91,7 +91,7 @@ impl Run<'_, '_> {
                 *used &= self.estimate.poses[bearing.pose].is_some();
                 if *used {
                     views[bearing.landmark].0 += 1;
-                    views[bearing.landmark].1 |= bearing.depth_m.is_some();
+                    views[bearing.landmark].1 |= bearing.seen.depth_m.is_some();
                 }
             }
             for (bearing, used) in self.bearings.all.iter().zip(&mut self.estimate.used) {
@@ -140,15 +140,9 @@ impl Run<'_, '_> {
                 ..bundle_adjustment::Options::default()
             },
         };
-        let (begin, total) = (self.begin, max_iterations);
-        let (observer, is_cancelled) = (&mut *self.observer, &mut self.is_cancelled);
+        let report = &mut self.report;
         let mut row = |row: &IterationSummary| {
-            let seconds = begin.elapsed().as_secs_f64();
-            let (done, cost) = (row.iteration, Some(row.cost));
-            let progress = Progress { stage: Stage::Adjustment, done, total, cost, seconds };
-            let control = observer(&progress);
-            *is_cancelled |= control == Control::Cancel;
-            control
+            report.tell(Stage::Adjustment, row.iteration, max_iterations, Some(row.cost))
         };
         let summary =
             adjust(&self.bearings, &mut self.estimate, adjustment, &self.interrupt, &mut row)?;
@@ -196,7 +190,7 @@ impl Run<'_, '_> {
                 }
             }
             let count = self.estimate.poses.iter().flatten().count();
-            self.tell(Stage::Resection, count, self.problem.poses.len(), None);
+            self.report.tell(Stage::Resection, count, self.problem.poses.len(), None);
             if !placed {
                 return Ok(());
             }

@@ -8,7 +8,7 @@
 use nalgebra::Vector3;
 
 use super::bearings::Bearing;
-use crate::factors::Observed;
+use crate::factors::Reprojection;
 use crate::geometric_verification::{Numbers, distinct, samples_needed};
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::initialization::p3p;
@@ -91,9 +91,9 @@ fn fitted(camera: &Camera, seen: &[Seen<'_>], pose: &Se3, gate: f64) -> Option<R
         .filter(|s| squared(camera, s, pose) < gate)
         .map(|s| Match {
             landmark: s.point,
-            pixel: s.bearing.pixel,
-            sigma_px: s.bearing.sigma_px,
-            depth_m: s.bearing.depth_m,
+            pixel: s.bearing.seen.pixel,
+            sigma_px: s.bearing.seen.sigma_px,
+            depth_m: s.bearing.seen.depth_m,
         })
         .collect();
     measure(camera, &matches, pose)
@@ -107,7 +107,7 @@ fn squared(camera: &Camera, seen: &Seen<'_>, pose: &Se3) -> f64 {
         return f64::INFINITY;
     }
     let bearing = seen.bearing;
-    let factor = Observed::new(bearing.pixel, bearing.sigma_px, None);
+    let factor = Reprojection { depth_m: None, ..bearing.seen };
     let chi2 = factor.squared_error(&Se3::identity(), camera, &in_camera);
     // As if the covariance were a ball as large as its mean.
     let spread = seen.point.covariance.trace() / 3.0 / in_camera.norm_squared();

@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::planned;
 use super::relative_poses::Edge;
-use super::{add_block, planned};
 use crate::geometry::{LieGroup, So3};
 use crate::linear::{BlockMatrix, BlockPattern};
 use crate::order;
@@ -91,15 +91,15 @@ pub(super) fn average(
                 // ω changes by Z δ_a − δ_b.
                 let turn = edge.rotation.matrix();
                 if let Some(row) = row_of[edge.b] {
-                    add_block(&mut matrix, row, row, &weighted);
+                    matrix.add_block(row, row, &weighted);
                     add_vector(&mut right, row, &(weighted * error));
                 }
                 if let Some(row) = row_of[edge.a] {
-                    add_block(&mut matrix, row, row, &(turn.transpose() * weighted * turn));
+                    matrix.add_block(row, row, &(turn.transpose() * weighted * turn));
                     add_vector(&mut right, row, &-(turn.transpose() * weighted * error));
                 }
                 if let (Some(a), Some(b)) = (row_of[edge.a], row_of[edge.b]) {
-                    add_block(&mut matrix, a, b, &-(turn.transpose() * weighted));
+                    matrix.add_block(a, b, &-(turn.transpose() * weighted));
                 }
             }
             // A rotation that hardly an edge holds must not stop the others.

@@ -28,13 +28,13 @@ pub use variance::{VarianceFactors, variance_factors};
 
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::{LieGroup, RigidMotion};
-use crate::initialization::{Start, align_to_priors, chordal_price, initialize_in_time};
+use crate::initialization::{Start, align_to_priors, initialize_in_time};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{
     self, Observer, SolveSummary, Termination, ignore_iterations, with_threads,
 };
 use crate::pose_graph;
-use crate::price::{Limits, Price};
+use crate::price::Limits;
 use crate::problem::{DisjointSets, PoseGraph, SolveError};
 
 /// Weight of a switched-off closure that is the only connection of two parts of the graph.
@@ -51,15 +51,13 @@ const MAX_REFINEMENTS: usize = 10;
 /// The relative decrease of the cost that ends this: one step of the whole graph takes the rest.
 const REFINED: f64 = 1e-6;
 
-/// Options of a robust solve.
+/// How loop closures are judged.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Options {
+pub struct Judging {
     /// How weights follow from residuals.
     pub kernel: Kernel,
     /// The largest χ² of a true closure; `None` takes the 99 % quantile for its dimension.
     pub threshold: Option<f64>,
-    /// The start; [`Start::Auto`] makes one from odometry and supported closures only.
-    pub start: Start,
     /// Edges that are trusted although their ids are not consecutive, rising.
     pub trusted: Vec<usize>,
     /// Whether the covariances of the odometry hold, so that it may judge closures (false). One that no
@@ -67,22 +65,13 @@ pub struct Options {
     /// without it: alone it would bend the odometry, true or not. And what the odometry explains is a
     /// second start of the judgment; of the two results that of the lower truncated cost is taken.
     pub trust_odometry: bool,
-    /// Options of each solve within; the deadline is that of all together.
-    pub pose_graph: pose_graph::Options,
 }
 
-impl Options {
+impl Judging {
     /// The defaults with `kernel`.
     #[must_use]
     pub fn new(kernel: Kernel) -> Self {
-        Self {
-            kernel,
-            threshold: None,
-            start: Start::Auto,
-            trusted: Vec::new(),
-            trust_odometry: false,
-            pose_graph: pose_graph::Options::default(),
-        }
+        Self { kernel, threshold: None, trusted: Vec::new(), trust_odometry: false }
     }
 }
 
@@ -121,84 +110,47 @@ pub struct RobustSummary {
 
 /// Optimizes `graph` in place over odometry and the closures that are found true.
 ///
-/// The graph's own loss holds for every edge on top. Gauge and determinism are those of
-/// [`pose_graph::solve`]; `observer` sees the rows of every solve.
+/// [`Start::Auto`] makes a start from odometry and supported closures only; `has_poses` is whether the
+/// graph came with poses. `options` are those of each solve within; the deadline is that of all
+/// together. The graph's own loss holds for every edge on top. Gauge and determinism are those of
+/// [`pose_graph::solve`]; `observer` sees the rows of every solve. It ends once `interrupt` is due,
+/// within a stage and within its solves. The result is what the stages found until then; if they found
+/// nothing, it is the given poses, or the odometry of a graph without poses.
 ///
 /// # Errors
-/// Those of [`pose_graph::solve`] and [`initialize`](crate::initialization::initialize); [`SolveError::InvalidOption`] for a threshold
-/// that is not finite and positive.
+/// Those of [`pose_graph::solve`] and [`initialize`](crate::initialization::initialize);
+/// [`SolveError::InvalidOption`] for a threshold that is not finite and positive.
 pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
-    has_poses: bool,
-    options: &Options,
-    observer: &mut Observer<'_>,
-) -> Result<RobustSummary, SolveError> {
-    solve_until(graph, has_poses, options, &Interrupt::NEVER, observer)
-}
-
-/// As [`solve`], but also ends once `interrupt` is due, within a stage and within its solves. The
-/// result is what the stages found until then; if they found nothing, it is the given poses, or the
-/// odometry of a graph without poses.
-///
-/// # Errors
-/// As [`solve`].
-pub fn solve_until<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-    has_poses: bool,
-    options: &Options,
+    (start, has_poses): (Start, bool),
+    judging: &Judging,
+    options: &pose_graph::Options,
     interrupt: &Interrupt,
     observer: &mut Observer<'_>,
-) -> Result<RobustSummary, SolveError> {
-    run(graph, options, interrupt, |weighted| {
-        let start = weighted.start(options.start, has_poses)?;
-        let judge = |weighted: &mut Weighted<'_, G, N>| {
-            weighted.judge(options.trust_odometry, &mut *observer)
-        };
-        let is_near = weighted.contracted(judge)?;
-        let mut last = options.pose_graph;
-        if is_near {
-            last.optimizer.initial_damping = last.optimizer.initial_damping.min(NEAR_DAMPING);
-        }
-        Ok((weighted.solve(&last, observer)?, start))
-    })
-}
-
-/// Checks graph and options, holds the gauge, and does `stages` on the threads of the options. They
-/// return the last solve and the start taken.
-fn run<G: LieGroup<N>, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-    options: &Options,
-    interrupt: &Interrupt,
-    stages: impl FnOnce(&mut Weighted<'_, G, N>) -> Result<(SolveSummary, Start), SolveError> + Send,
 ) -> Result<RobustSummary, SolveError> {
     let begin = Instant::now();
-    let interrupt = interrupt.or_after(begin, options.pose_graph.optimizer.deadline);
+    let interrupt = interrupt.or_after(begin, options.optimizer.deadline);
     graph.validate()?;
-    let threshold = options.threshold.unwrap_or_else(|| default_threshold(N));
+    let threshold = judging.threshold.unwrap_or_else(|| default_threshold(N));
     if !(threshold.is_finite() && threshold > 0.0) {
         let reason = "must be finite and positive";
         return Err(SolveError::InvalidOption { field: "threshold", reason });
     }
     graph.hold_gauge();
-    with_threads(options.pose_graph.optimizer.threads, || {
-        let mut weighted = Weighted::new(graph, options, threshold, (begin, &interrupt));
-        let (last, start) = stages(&mut weighted)?;
+    with_threads(options.optimizer.threads, || {
+        let mut weighted = Weighted::new(graph, judging, (options, threshold), (begin, &interrupt));
+        let start = weighted.start(start, has_poses)?;
+        let judge = |weighted: &mut Weighted<'_, G, N>| {
+            weighted.judge(judging.trust_odometry, &mut *observer)
+        };
+        let is_near = weighted.contracted(judge)?;
+        let mut last = *options;
+        if is_near {
+            last.optimizer.initial_damping = last.optimizer.initial_damping.min(NEAR_DAMPING);
+        }
+        let last = weighted.solve(&last, observer)?;
         Ok(weighted.summary(last, start))
     })?
-}
-
-/// The memory and work of [`solve`] besides the graph: a solve over a copy of it, its start, and the
-/// weights.
-///
-/// # Errors
-/// As [`pose_graph::price`].
-pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &PoseGraph<G, N>,
-    interrupt: &Interrupt,
-) -> Result<Price, SolveError> {
-    let solve = pose_graph::price(graph, interrupt)?;
-    let start = chordal_price(graph, interrupt)?;
-    Ok(solve.or(start).plus_bytes(copies_bytes(graph)))
 }
 
 /// Bytes of the weighted copy, of states that may be restored, and of the screening.
@@ -287,26 +239,26 @@ struct Weighted<'a, G, const N: usize> {
 impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
     fn new(
         graph: &'a mut PoseGraph<G, N>,
-        options: &Options,
-        threshold: f64,
+        judging: &Judging,
+        (options, threshold): (&pose_graph::Options, f64),
         (begin, interrupt): (Instant, &'a Interrupt),
     ) -> Self {
         let is_closure = |&edge: &usize| {
             let RelativePose { i, j, .. } = graph.edges[edge];
-            graph.ids[i].abs_diff(graph.ids[j]) > 1 && options.trusted.binary_search(&edge).is_err()
+            graph.ids[i].abs_diff(graph.ids[j]) > 1 && judging.trusted.binary_search(&edge).is_err()
         };
         let closures: Vec<usize> = (0..graph.edges.len()).filter(is_closure).collect();
         let measured = Measured::all(graph);
         let screened = screen(graph, &measured, &closures, threshold, interrupt);
         let held_back = |seen: &Screened| {
             let is_strained = seen.odometry_chi2.is_some_and(|chi2| chi2 > threshold);
-            options.trust_odometry && !seen.is_supported && is_strained
+            judging.trust_odometry && !seen.is_supported && is_strained
         };
         let held_back = screened.iter().map(held_back).collect();
         let copies = copies_bytes(graph);
         let mut weighted = Self {
             graph,
-            kernel: options.kernel,
+            kernel: judging.kernel,
             threshold,
             weights: vec![1.0; closures.len()],
             closures,
@@ -317,7 +269,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             begin,
             interrupt,
             is_stopped: false,
-            options: options.pose_graph,
+            options: *options,
             copies,
         };
         weighted.weigh_by_support();

@@ -153,7 +153,7 @@ fn costs<G: LieGroup<N>, const N: usize>(
         let plain = prior.chi2(&graph.poses[prior.pose]);
         let Some(covariance) = covariance else { return plain };
         let Ok(root) = prior.information.sqrt() else { return plain };
-        let residual = root.matrix() * prior.residual(&graph.poses[prior.pose]);
+        let residual = root.whiten(&prior.residual(&graph.poses[prior.pose]));
         let whitened = root.matrix() * covariance * root.matrix().transpose();
         let sign = if counts { -1.0 } else { 1.0 };
         let eigen = (Matrix3::identity() + whitened * sign).symmetric_eigen();

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, SVector, Vector2, Vector3};
 use rand::{Rng, RngExt};
 
 use super::random::{normal_vector, perturbed, seeded};
-use crate::factors::DepthReprojection;
+use crate::factors::Reprojection;
 use crate::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use crate::problem::BundleProblem;
 
@@ -69,7 +69,7 @@ pub struct SceneObservation {
     /// The landmark's id as the frontend knows it.
     pub landmark: usize,
     /// What was measured.
-    pub measurement: DepthReprojection,
+    pub measurement: Reprojection,
 }
 
 /// A walk with its truth.
@@ -144,7 +144,7 @@ impl Scene {
         for (pose, observations) in self.observations.iter().enumerate() {
             for o in observations {
                 let (pose, landmark) = (pose as u32, o.landmark as u32);
-                problem.depth_reprojections.push(pose, camera, landmark, o.measurement);
+                problem.push_observation(pose, camera, landmark, o.measurement);
             }
         }
         problem
@@ -157,7 +157,9 @@ impl Scene {
         for (pose, observations) in self.odometry.iter().zip(&self.observations) {
             for o in observations {
                 let ray = self.camera.unproject(&o.measurement.pixel);
-                let point = ray.map(|r| pose.transform(&(r * (o.measurement.depth_m / r.z))));
+                let point = ray
+                    .zip(o.measurement.depth_m)
+                    .map(|(ray, (depth, _))| pose.transform(&(ray * (depth / ray.z))));
                 if let Some(entry @ None) = start.get_mut(o.landmark) {
                     *entry = point;
                 }
@@ -184,11 +186,11 @@ impl Scene {
                 *track = Some((id, keyframe));
                 let sigma_depth_m = options.sigma_depth_m * in_camera.z * in_camera.z;
                 let noise: SVector<f64, 3> = normal_vector(rng, 1.0);
-                let measurement = DepthReprojection {
+                let depth_m = in_camera.z + noise.z * sigma_depth_m;
+                let measurement = Reprojection {
                     pixel: pixel + Vector2::new(noise.x, noise.y) * options.sigma_px,
-                    depth_m: in_camera.z + noise.z * sigma_depth_m,
                     sigma_px: options.sigma_px,
-                    sigma_depth_m,
+                    depth_m: Some((depth_m, sigma_depth_m)),
                 };
                 seen.push(SceneObservation { landmark: id, measurement });
             }

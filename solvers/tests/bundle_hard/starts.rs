@@ -122,14 +122,9 @@ fn coincident_landmarks_and_cameras_end_honestly() {
         still.poses.fill(start);
         // Every observation twice, by two poses that are one.
         let mut twice = problem.clone();
-        let (plain, depth) = (twice.reprojections.clone(), twice.depth_reprojections.clone());
         let pose = twice.push_pose(twice.poses[4]) as u32;
-        for k in (0..plain.len()).filter(|&k| plain.poses[k] == 4) {
-            let (landmark, pixel) = (plain.landmarks[k], plain.pixels[k]);
-            twice.reprojections.push(pose, 0, landmark, pixel, plain.sigmas_px[k]);
-        }
-        for k in (0..depth.len()).filter(|&k| depth.poses[k] == 4) {
-            twice.depth_reprojections.push(pose, 0, depth.landmarks[k], depth.factor(k));
+        for o in problem.observations().filter(|o| o.pose == 4) {
+            twice.push_observation(pose, 0, o.landmark, o.seen);
         }
         let cases = [("landmarks", together), ("cameras", still), ("keyframe twice", twice)];
         for (what, mut problem) in cases {

@@ -7,7 +7,7 @@ mod exact;
 mod robustness;
 mod room;
 
-use covis_solvers::factors::{Linearization, PosePrior, PositionPrior, RelativePose};
+use covis_solvers::factors::{PosePrior, PositionPrior, RelativePose};
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
@@ -71,30 +71,14 @@ fn hessian(problem: &BundleProblem, keep: &dyn Fn(&[usize]) -> bool) -> DMatrix<
     fn dense<const R: usize, const C: usize>(matrix: SMatrix<f64, R, C>) -> DMatrix<f64> {
         DMatrix::from_fn(R, C, |r, c| matrix[(r, c)])
     }
-    fn parts<const R: usize>(
-        problem: &BundleProblem,
-        (pose, landmark): (u32, u32),
-        lin: Linearization<R>,
-    ) -> [(usize, DMatrix<f64>); 2] {
+    for o in problem.observations().filter(|o| keep(&[o.pose as usize])) {
+        let (x, p) = (&problem.poses[o.pose as usize], &problem.landmarks[o.landmark as usize]);
+        let lin = o.seen.linearize(x, &problem.cameras[o.camera as usize], p).unwrap();
         let weight = problem.observation_loss.evaluate(lin.residual.norm_squared()).weight.sqrt();
-        [
-            (6 * pose as usize, dense(lin.d_pose * weight)),
-            (6 * problem.poses.len() + 3 * landmark as usize, dense(lin.d_landmark * weight)),
-        ]
-    }
-    let plain = &problem.reprojections;
-    for k in (0..plain.len()).filter(|&k| keep(&[plain.poses[k] as usize])) {
-        let ids = (plain.poses[k], plain.landmarks[k]);
-        let (x, p) = (&problem.poses[ids.0 as usize], &problem.landmarks[ids.1 as usize]);
-        let camera = &problem.cameras[plain.cameras[k] as usize];
-        push(&parts(problem, ids, plain.factor(k).linearize(x, camera, p).unwrap()));
-    }
-    let depth = &problem.depth_reprojections;
-    for k in (0..depth.len()).filter(|&k| keep(&[depth.poses[k] as usize])) {
-        let ids = (depth.poses[k], depth.landmarks[k]);
-        let (x, p) = (&problem.poses[ids.0 as usize], &problem.landmarks[ids.1 as usize]);
-        let camera = &problem.cameras[depth.cameras[k] as usize];
-        push(&parts(problem, ids, depth.factor(k).linearize(x, camera, p).unwrap()));
+        push(&[
+            (6 * o.pose as usize, dense(lin.d_pose * weight)),
+            (6 * poses + 3 * o.landmark as usize, dense(lin.d_landmark * weight)),
+        ]);
     }
     for f in problem.relative_poses.iter().filter(|f| keep(&[f.i, f.j])) {
         let lin = f.linearize(&problem.poses[f.i], &problem.poses[f.j]);

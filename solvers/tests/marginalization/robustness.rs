@@ -1,6 +1,6 @@
 //! Input that says little, or is wrong: no panic, no information out of nothing.
 
-use covis_solvers::factors::DepthReprojection;
+use covis_solvers::factors::Reprojection;
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use covis_solvers::loss::Loss;
 use covis_solvers::marginalization::{Marginal, marginalize_pose};
@@ -172,8 +172,8 @@ fn scene(seed: u64) -> BundleProblem {
                 problem.reprojections.push(pose as u32, 0, landmark, pixel, sigma_px);
             } else {
                 let depth_m = in_camera.z;
-                let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m: 0.1 };
-                problem.depth_reprojections.push(pose as u32, 0, landmark, factor);
+                let factor = Reprojection { pixel, sigma_px, depth_m: Some((depth_m, 0.1)) };
+                problem.push_observation(pose as u32, 0, landmark, factor);
             }
         }
     }

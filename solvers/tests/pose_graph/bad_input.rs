@@ -16,6 +16,7 @@ use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{Method, SolveSummary, Termination, ignore_iterations};
 use covis_solvers::pose_graph::{Options, Undetermined, solve, undetermined};
+use covis_solvers::price::Limits;
 use covis_solvers::problem::{PoseGraph, SolveError};
 use covis_solvers::testing::random::{element, normal_vector, seeded, unit_vector};
 use nalgebra::{SMatrix, SVector, Vector3};
@@ -170,7 +171,7 @@ fn what_hangs_on_a_hinge_is_named_with_it() {
     );
     for method in METHODS {
         let mut graph = read(&text).unwrap();
-        initialize(&mut graph, Start::Auto, false).unwrap();
+        initialize(&mut graph, Start::Auto, false, Limits::NONE).unwrap();
         let summary = solved(&mut graph, method);
         assert!(summary.termination.is_converged() && summary.final_cost < 1e-18, "{summary:?}");
         let open = undetermined(&graph).unwrap();
@@ -229,7 +230,7 @@ fn definite_graphs_are_not_suspected_however_long_or_uneven() {
         .map(|k| format!("EDGE_SE2 {k} {} 1 0 0.01 1e4 0 0 1e-4 0 1e10\n", k + 1))
         .collect();
     let mut graph = read(&chain).unwrap();
-    initialize(&mut graph, Start::SpanningTree, false).unwrap();
+    initialize(&mut graph, Start::SpanningTree, false, Limits::NONE).unwrap();
     assert_eq!(undetermined(&graph).unwrap(), []);
     let (graph, _) = make::<Sim3, 7>(EXACT);
     assert_eq!(undetermined(&graph).unwrap(), []);

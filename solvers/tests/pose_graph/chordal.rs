@@ -6,6 +6,7 @@ use covis_solvers::geometry::{LieGroup, RigidMotion, Se2, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::initialization::{IsotropicPrecision, chordal};
 use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::price::Limits;
 use covis_solvers::problem::{PoseGraph, SolveError};
 use nalgebra::{Vector3, Vector6};
 
@@ -26,7 +27,7 @@ fn rebuilds_truth<G: RigidMotion<D, N>, const D: usize, const N: usize>() {
     graph.edges.push(graph.edges[3]);
     let last = graph.edges.len() - 1;
     (graph.edges[last].i, graph.edges[last].j) = (7, 7);
-    chordal(&mut graph).unwrap();
+    chordal(&mut graph, Limits::NONE).unwrap();
     assert!(distance(&graph.poses, &truth) < 1e-9, "{}", distance(&graph.poses, &truth));
 }
 
@@ -40,7 +41,7 @@ fn exact_measurements_give_the_truth() {
 fn without_a_constant_pose_the_lowest_id_stays() {
     let (mut graph, truth) = make::<Se3, 6>(NOISELESS);
     graph.constant[0] = false;
-    chordal(&mut graph).unwrap();
+    chordal(&mut graph, Limits::NONE).unwrap();
     assert!(distance(&graph.poses, &truth) < 1e-9);
     assert!(!graph.constant.contains(&true));
 }
@@ -51,8 +52,8 @@ fn the_start_of_poses_that_move_does_not_matter() {
     let (mut graph, _) = make::<Se3, 6>(noisy);
     let mut other = graph.clone();
     other.poses[1..].fill(Se3::identity());
-    chordal(&mut graph).unwrap();
-    chordal(&mut other).unwrap();
+    chordal(&mut graph, Limits::NONE).unwrap();
+    chordal(&mut other, Limits::NONE).unwrap();
     assert_eq!(graph.poses, other.poses);
 }
 
@@ -74,7 +75,7 @@ fn a_graph_in_two_pieces_is_refused_and_left_alone() {
     let (mut graph, _) = make::<Se2, 3>(NOISELESS);
     graph.push_pose(1000, Se2::identity());
     let before = graph.clone();
-    assert!(matches!(chordal(&mut graph), Err(SolveError::Disconnected { .. })));
+    assert!(matches!(chordal(&mut graph, Limits::NONE), Err(SolveError::Disconnected { .. })));
     assert_eq!(graph, before);
 }
 
@@ -85,7 +86,7 @@ fn steps_to_optimum<G: RigidMotion<D, N> + ReferencePose<N>, const D: usize, con
 ) -> usize {
     graph.fix_lowest_id();
     let gauge = graph.poses[0];
-    chordal(&mut graph).unwrap();
+    chordal(&mut graph, Limits::NONE).unwrap();
     assert_eq!(graph.poses[0], gauge);
     let summary = optimize(&mut graph);
     let cost = pose_graph_cost(&graph).total;

@@ -12,6 +12,7 @@ use covis_solvers::initialization::{Start, initialize};
 use covis_solvers::io::g2o::{G2oGraph, G2oPose};
 use covis_solvers::optimizer::{Method, SolveSummary, ignore_iterations};
 use covis_solvers::pose_graph::{Options, solve, undetermined};
+use covis_solvers::price::Limits;
 use covis_solvers::problem::PoseGraph;
 use serde_json::Value;
 
@@ -94,7 +95,7 @@ fn run<G, const D: usize, const N: usize, const P: usize>(
 where
     G: RigidMotion<D, N> + G2oPose<N, P> + ReferencePose<N>,
 {
-    initialize(&mut graph, start, has_vertices).unwrap();
+    initialize(&mut graph, start, has_vertices, Limits::NONE).unwrap();
     let before = pose_graph_cost(&graph).total;
     let summary = solve(&mut graph, options, &mut ignore_iterations).unwrap();
     let after = pose_graph_cost(&graph).total;

@@ -5,6 +5,7 @@ use covis_solvers::geometry::{LieGroup, Se2, Se3, Sim3};
 use covis_solvers::information::Information;
 use covis_solvers::initialization::{Start, initialize, odometry, spanning_tree};
 use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::price::Limits;
 use covis_solvers::problem::{PoseGraph, SolveError};
 
 use super::graphs::{Recipe, distance, make, optimize};
@@ -113,12 +114,12 @@ fn odometry_leaves_closures_out_where_it_reaches() {
 fn auto_takes_the_start_of_lower_cost_and_says_which() {
     let recipe = Recipe { measurement_sigma: 0.02, ..NOISELESS };
     let (mut graph, _) = make::<Se3, 6>(recipe);
-    assert_eq!(initialize(&mut graph, Start::Auto, true).unwrap(), Start::Chordal);
+    assert_eq!(initialize(&mut graph, Start::Auto, true, Limits::NONE).unwrap(), Start::Chordal);
     optimize(&mut graph);
     let optimum = graph.poses.clone();
-    assert_eq!(initialize(&mut graph, Start::Auto, true).unwrap(), Start::Given);
+    assert_eq!(initialize(&mut graph, Start::Auto, true, Limits::NONE).unwrap(), Start::Given);
     assert_eq!(graph.poses, optimum);
-    assert_eq!(initialize(&mut graph, Start::Auto, false).unwrap(), Start::Chordal);
-    let error = initialize(&mut graph, Start::Given, false).unwrap_err();
+    assert_eq!(initialize(&mut graph, Start::Auto, false, Limits::NONE).unwrap(), Start::Chordal);
+    let error = initialize(&mut graph, Start::Given, false, Limits::NONE).unwrap_err();
     assert!(matches!(error, SolveError::InvalidOption { field: "init", .. }), "{error}");
 }

@@ -3,7 +3,7 @@
 
 use covis_solvers::bundle_adjustment;
 use covis_solvers::evaluation::bundle_cost;
-use covis_solvers::factors::{DepthReprojection, Linearization, Reprojection};
+use covis_solvers::factors::Reprojection;
 use covis_solvers::geometry::{
     Camera, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely,
 };
@@ -89,19 +89,15 @@ impl Case {
         problem.push_camera(self.camera, true);
         for (index, o) in (0u32..).zip(&self.observations) {
             problem.push_landmark(o.point_in_world);
-            match depth_reprojection(o) {
-                None => problem.reprojections.push(0, 0, index, o.pixel, o.sigma_px),
-                Some(factor) => problem.depth_reprojections.push(0, 0, index, factor),
-            }
+            problem.push_observation(0, 0, index, factor(o));
         }
         problem.constant_landmarks.fill(true);
         problem
     }
 }
 
-fn depth_reprojection(o: &PointObservation) -> Option<DepthReprojection> {
-    let (depth_m, sigma_depth_m) = o.depth_m?;
-    Some(DepthReprojection { pixel: o.pixel, depth_m, sigma_px: o.sigma_px, sigma_depth_m })
+fn factor(o: &PointObservation) -> Reprojection {
+    Reprojection { pixel: o.pixel, sigma_px: o.sigma_px, depth_m: o.depth_m }
 }
 
 #[test]
@@ -139,36 +135,19 @@ fn bundle_adjustment_with_known_landmarks_finds_the_same_pose() {
     }
 }
 
-/// H and g of one factor, added up.
-fn add<const R: usize>(
-    sums: &mut (SMatrix<f64, 6, 6>, SVector<f64, 6>),
-    loss: Loss,
-    lin: &Linearization<R>,
-) {
-    let weight = loss.evaluate(lin.residual.norm_squared()).weight;
-    sums.0 += lin.d_pose.transpose() * lin.d_pose * weight;
-    sums.1 += lin.d_pose.transpose() * lin.residual * weight;
-}
-
 #[test]
 fn gauss_newton_over_the_factors_finds_the_same_pose_and_information() {
     for case in cases() {
         let refined = case.refine();
         let mut pose = case.start;
-        let mut hessian = SMatrix::zeros();
+        let mut hessian = SMatrix::<f64, 6, 6>::zeros();
         for _ in 0..60 {
-            let mut sums = (SMatrix::zeros(), SVector::zeros());
+            let mut sums = (SMatrix::zeros(), SVector::<f64, 6>::zeros());
             for o in &case.observations {
-                let (point, camera) = (&o.point_in_world, &case.camera);
-                let plain = Reprojection { pixel: o.pixel, sigma_px: o.sigma_px };
-                match depth_reprojection(o) {
-                    None => {
-                        add(&mut sums, case.loss, &plain.linearize(&pose, camera, point).unwrap())
-                    }
-                    Some(factor) => {
-                        add(&mut sums, case.loss, &factor.linearize(&pose, camera, point).unwrap())
-                    }
-                }
+                let lin = factor(o).linearize(&pose, &case.camera, &o.point_in_world).unwrap();
+                let weight = case.loss.evaluate(lin.residual.norm_squared()).weight;
+                sums.0 += lin.d_pose.transpose() * lin.d_pose * weight;
+                sums.1 += lin.d_pose.transpose() * lin.residual * weight;
             }
             hessian = sums.0;
             pose = pose.plus(&-hessian.cholesky().unwrap().solve(&sums.1));

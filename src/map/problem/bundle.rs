@@ -9,7 +9,7 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
-use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
+use covis_solvers::factors::{PosePrior, PositionPrior, RelativePose, Reprojection};
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, DisjointSets};
 use covis_solvers::robust::default_threshold;
@@ -249,15 +249,9 @@ impl<'a> Builder<'a> {
                 continue;
             }
             let (pixel, sigma_px) = (observation.pixel, observation.sigma_px);
-            match observation.depth {
-                None => {
-                    self.problem.reprojections.push(pose, camera, landmark, pixel, sigma_px);
-                }
-                Some(Depth { depth_m, sigma_m: sigma_depth_m }) => {
-                    let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m };
-                    self.problem.depth_reprojections.push(pose, camera, landmark, factor);
-                }
-            }
+            let depth_m = observation.depth.map(|Depth { depth_m, sigma_m }| (depth_m, sigma_m));
+            let seen = Reprojection { pixel, sigma_px, depth_m };
+            self.problem.push_observation(pose, camera, landmark, seen);
             count += 1;
         }
         count

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use covis_solvers::factors::{DepthReprojection, RelativePose};
+use covis_solvers::factors::{RelativePose, Reprojection};
 use covis_solvers::geometry::{LieGroup, Se2, Se3};
 use covis_solvers::initialization::Start;
 use covis_solvers::loss::Loss;
@@ -72,13 +72,9 @@ pub(in crate::service) fn bundle(
     };
     for (pose, point, pixel, sigma_px, depth) in observations? {
         let camera = poses.get(pose as usize).map_or(0, |&(camera, _)| camera);
-        match depth {
-            None => problem.reprojections.push(pose, camera, point, pixel, sigma_px),
-            Some(Depth { depth_m, sigma_m: sigma_depth_m }) => {
-                let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m };
-                problem.depth_reprojections.push(pose, camera, point, factor);
-            }
-        }
+        let depth_m = depth.map(|Depth { depth_m, sigma_m }| (depth_m, sigma_m));
+        let seen = Reprojection { pixel, sigma_px, depth_m };
+        problem.push_observation(pose, camera, point, seen);
     }
     Some(problem)
 }

@@ -35,7 +35,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use crate::interrupt::Interrupt;
-use crate::optimizer::{Control, IterationSummary, Observer, minimize_until, with_threads};
+use crate::optimizer::{Control, IterationSummary, Observer, minimize, with_threads};
 use crate::problem::{BundleProblem, SolveError};
 use crate::simd::Class;
 
@@ -210,7 +210,7 @@ fn run(
         true => Control::Cancel,
         false => observer(row),
     };
-    let solve = minimize_until(&mut whole, optimizer, (start, interrupt), &mut observe);
+    let solve = minimize(&mut whole, optimizer, (start, interrupt), None, &mut observe);
     let interrupted_at_start = interrupt.is_due() && !solve.initial_cost.is_finite();
     if whole.crew.failure.is_some() || interrupted_at_start {
         return Err(failed(&mut whole));

@@ -8,7 +8,8 @@
 
 use crate::interrupt::Interrupt;
 use crate::linear::ordering::{SEPARATE, parts};
-use crate::problem::BundleProblem;
+use crate::lists::Lists;
+use crate::problem::{BundleProblem, Observation};
 
 use super::super::layout::{Blocks, NO_BLOCK, number_views};
 
@@ -61,27 +62,6 @@ pub(super) struct Partition {
     pub(super) is_separator: Vec<bool>,
 }
 
-/// The observations of both kinds, as far as indices go.
-struct Observations<'a> {
-    problem: &'a BundleProblem,
-}
-
-impl Observations<'_> {
-    fn count(&self) -> usize {
-        self.problem.observation_count()
-    }
-
-    /// Pose, camera and landmark of observation `k`.
-    fn of(&self, k: usize) -> (usize, usize, usize) {
-        let (plain, depth) = (&self.problem.reprojections, &self.problem.depth_reprojections);
-        let (poses, cameras, landmarks, k) = match k.checked_sub(plain.len()) {
-            None => (&plain.poses, &plain.cameras, &plain.landmarks, k),
-            Some(k) => (&depth.poses, &depth.cameras, &depth.landmarks, k),
-        };
-        (poses[k] as usize, cameras[k] as usize, landmarks[k] as usize)
-    }
-}
-
 /// Factors that must be in one section, since what they tie together is eliminated there.
 struct Unit {
     kind: Kind,
@@ -91,11 +71,10 @@ struct Unit {
 
 #[derive(Clone, Copy)]
 enum Kind {
-    /// A landmark that moves, with its observations `tracks[start..end]`.
+    /// A landmark that moves, with its observations.
     Track {
         landmark: u32,
-        start: u32,
-        end: u32,
+        length: u32,
     },
     /// An observation of a constant landmark.
     Observation(u32),
@@ -113,9 +92,9 @@ impl Partition {
     ) -> Option<Self> {
         let (views, _) = number_views(problem);
         let blocks = Blocks::new(problem, &views, &[]);
-        let observations = Observations { problem };
-        let (starts, tracks) = tracks(&observations);
-        let units = Units { problem, blocks: &blocks, starts: &starts, tracks: &tracks };
+        let of_landmark = problem.observations().zip(0..).map(|(o, k)| (o.landmark as usize, k));
+        let tracks = Lists::new(problem.landmarks.len(), of_landmark);
+        let units = Units { problem, blocks: &blocks, tracks: &tracks };
         let part = units.cut(wanted, interrupt)?;
         let count = part.iter().filter(|&&p| p != SEPARATE).max().map_or(0, |&p| p as usize + 1);
         let count = if blocks.sizes.is_empty() { wanted.max(1) } else { count.max(1) };
@@ -147,14 +126,13 @@ impl Partition {
 
     /// Adds the variables that the factors of each section touch.
     fn complete(&mut self, problem: &BundleProblem) {
-        let observations = Observations { problem };
         for section in &mut self.sections {
             section.observations.sort_unstable();
             for &k in &section.observations {
-                let (pose, camera, landmark) = observations.of(k as usize);
-                section.poses.push(pose as u32);
-                section.cameras.push(camera as u32);
-                section.landmarks.push(landmark as u32);
+                let Observation { pose, camera, landmark, .. } = problem.observation(k as usize);
+                section.poses.push(pose);
+                section.cameras.push(camera);
+                section.landmarks.push(landmark);
             }
             for &k in &section.relative_poses {
                 let factor = &problem.relative_poses[k as usize];
@@ -174,30 +152,11 @@ impl Partition {
     }
 }
 
-/// Where each landmark's observations begin, and the observations by landmark.
-fn tracks(observations: &Observations<'_>) -> (Vec<u32>, Vec<u32>) {
-    let mut starts = vec![0_u32; observations.problem.landmarks.len() + 1];
-    for k in 0..observations.count() {
-        starts[observations.of(k).2 + 1] += 1;
-    }
-    for l in 1..starts.len() {
-        starts[l] += starts[l - 1];
-    }
-    let mut next = starts.clone();
-    let mut tracks = vec![0; observations.count()];
-    for k in 0..observations.count() {
-        let place = &mut next[observations.of(k).2];
-        tracks[*place as usize] = k as u32;
-        *place += 1;
-    }
-    (starts, tracks)
-}
-
 struct Units<'a> {
     problem: &'a BundleProblem,
     blocks: &'a Blocks,
-    starts: &'a [u32],
-    tracks: &'a [u32],
+    /// The observations of each landmark.
+    tracks: &'a Lists<u32>,
 }
 
 impl Units<'_> {
@@ -208,11 +167,11 @@ impl Units<'_> {
     /// Shows every unit, always in the same order.
     fn each(&self, mut show: impl FnMut(Unit)) {
         let problem = self.problem;
-        let observations = Observations { problem };
         let mut blocks = Vec::new();
         let of_observation = |k: u32, blocks: &mut Vec<u32>| {
-            let (pose, camera, _) = observations.of(k as usize);
-            blocks.extend([self.blocks.of_pose[pose], self.blocks.of_camera[camera].0]);
+            let Observation { pose, camera, .. } = problem.observation(k as usize);
+            let camera_block = self.blocks.of_camera[camera as usize].0;
+            blocks.extend([self.blocks.of_pose[pose as usize], camera_block]);
         };
         let mut tell = |kind: Kind, blocks: &mut Vec<u32>| {
             blocks.retain(|&block| block != NO_BLOCK);
@@ -221,8 +180,7 @@ impl Units<'_> {
             show(Unit { kind, blocks: std::mem::take(blocks) });
         };
         for landmark in 0..self.landmark_count() {
-            let (start, end) = (self.starts[landmark], self.starts[landmark + 1]);
-            let track = &self.tracks[start as usize..end as usize];
+            let track = self.tracks.of(landmark);
             if problem.constant_landmarks[landmark] {
                 for &k in track {
                     of_observation(k, &mut blocks);
@@ -230,8 +188,8 @@ impl Units<'_> {
                 }
             } else if !track.is_empty() {
                 track.iter().for_each(|&k| of_observation(k, &mut blocks));
-                let landmark = landmark as u32;
-                tell(Kind::Track { landmark, start, end }, &mut blocks);
+                let (landmark, length) = (landmark as u32, track.len() as u32);
+                tell(Kind::Track { landmark, length }, &mut blocks);
             }
         }
         let of_pose = |pose: usize| self.blocks.of_pose[pose];
@@ -308,8 +266,8 @@ impl Units<'_> {
     /// Puts the factors of a unit into a section.
     fn give(&self, unit: &Unit, section: &mut Members) {
         match unit.kind {
-            Kind::Track { start, end, .. } => {
-                section.observations.extend(&self.tracks[start as usize..end as usize]);
+            Kind::Track { landmark, .. } => {
+                section.observations.extend(self.tracks.of(landmark as usize));
             }
             Kind::Observation(k) => section.observations.push(k),
             Kind::RelativePose(k) => section.relative_poses.push(k),
@@ -429,7 +387,7 @@ impl<'a> Dealer<'a> {
 
     fn add(&mut self, unit: &Unit, section: u32) {
         self.loads[section as usize] += match unit.kind {
-            Kind::Track { start, end, .. } => (end - start) as usize,
+            Kind::Track { length, .. } => length as usize,
             Kind::Observation(_)
             | Kind::RelativePose(_)
             | Kind::PosePrior(_)

@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 
-use crate::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
+use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::problem::{BundleProblem, SolveError};
 
@@ -133,8 +133,16 @@ impl Partition {
             relative_pose_loss: problem.relative_pose_loss,
             ..BundleProblem::default()
         };
-        add_observations(problem, members, &mut part);
         let pose = |id: usize| local(&members.poses, id);
+        let plain = problem.reprojections.len();
+        part.reprojections.reserve(members.observations.partition_point(|&k| (k as usize) < plain));
+        for &k in &members.observations {
+            let observation = problem.observation(k as usize);
+            let camera = local(&members.cameras, observation.camera as usize) as u32;
+            let landmark = local(&members.landmarks, observation.landmark as usize) as u32;
+            let pose = pose(observation.pose as usize) as u32;
+            part.push_observation(pose, camera, landmark, observation.seen);
+        }
         part.relative_poses.extend(members.relative_poses.iter().map(|&k| {
             let factor = &problem.relative_poses[k as usize];
             RelativePose { i: pose(factor.i), j: pose(factor.j), ..*factor }
@@ -159,39 +167,6 @@ impl Partition {
                 .map(|&id| separates(blocks.of_pose[id as usize]))
                 .collect(),
             border_cameras: cameras().map(|(block, _)| separates(block)).collect(),
-        }
-    }
-}
-
-fn add_observations(problem: &BundleProblem, members: &Members, part: &mut BundleProblem) {
-    let (plain, depth) = (&problem.reprojections, &problem.depth_reprojections);
-    let first_depth = members.observations.partition_point(|&k| (k as usize) < plain.len());
-    part.reprojections.reserve(first_depth);
-    let place = |poses: &[u32], cameras: &[u32], landmarks: &[u32], k: usize| {
-        let pose = local(&members.poses, poses[k] as usize) as u32;
-        let camera = local(&members.cameras, cameras[k] as usize) as u32;
-        (pose, camera, local(&members.landmarks, landmarks[k] as usize) as u32)
-    };
-    for &k in &members.observations {
-        match (k as usize).checked_sub(plain.len()) {
-            None => {
-                let k = k as usize;
-                let (pose, camera, landmark) =
-                    place(&plain.poses, &plain.cameras, &plain.landmarks, k);
-                let (pixel, sigma) = (plain.pixels[k], plain.sigmas_px[k]);
-                part.reprojections.push(pose, camera, landmark, pixel, sigma);
-            }
-            Some(k) => {
-                let (pose, camera, landmark) =
-                    place(&depth.poses, &depth.cameras, &depth.landmarks, k);
-                let factor = DepthReprojection {
-                    pixel: depth.pixels[k],
-                    depth_m: depth.depths_m[k],
-                    sigma_px: depth.sigmas_px[k],
-                    sigma_depth_m: depth.sigmas_depth_m[k],
-                };
-                part.depth_reprojections.push(pose, camera, landmark, factor);
-            }
         }
     }
 }

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::View;
-use crate::factors::{Linearization, Observed};
+use crate::factors::Reprojection;
 
 /// Refinement steps; the start is close, so that few are needed.
 const REFINEMENT_STEPS: usize = 10;
@@ -71,11 +71,10 @@ pub(super) fn refine(views: &[View], start: Vector3<f64>) -> Vector3<f64> {
         let mut hessian = Matrix3::zeros();
         let mut gradient = Vector3::zeros();
         for view in views {
-            let (pose, camera) = (&view.world_from_camera, &view.camera);
-            let sums = (&mut hessian, &mut gradient);
-            match view.factor() {
-                Observed::Pixel(f) => add(f.linearize(pose, camera, &point), sums),
-                Observed::Depth(f) => add(f.linearize(pose, camera, &point), sums),
+            let seen = view.factor();
+            if let Some(l) = seen.linearize(&view.world_from_camera, &view.camera, &point) {
+                hessian += l.d_landmark.transpose() * l.d_landmark;
+                gradient += l.d_landmark.transpose() * l.residual;
             }
         }
         for i in 0..3 {
@@ -97,16 +96,6 @@ pub(super) fn refine(views: &[View], start: Vector3<f64>) -> Vector3<f64> {
     point
 }
 
-fn add<const R: usize>(
-    linearization: Option<Linearization<R>>,
-    (hessian, gradient): (&mut Matrix3<f64>, &mut Vector3<f64>),
-) {
-    if let Some(l) = linearization {
-        *hessian += l.d_landmark.transpose() * l.d_landmark;
-        *gradient += l.d_landmark.transpose() * l.residual;
-    }
-}
-
 /// Σ of squared whitened residuals and how many residuals there are; infinite where one has none.
 pub(super) fn squared_error(views: &[View], point: &Vector3<f64>) -> (f64, usize) {
     let mut sum = 0.0;
@@ -119,7 +108,7 @@ pub(super) fn squared_error(views: &[View], point: &Vector3<f64>) -> (f64, usize
 }
 
 impl View {
-    fn factor(&self) -> Observed {
-        Observed::new(self.pixel, self.sigma_px, self.depth_m)
+    fn factor(&self) -> Reprojection {
+        Reprojection { pixel: self.pixel, sigma_px: self.sigma_px, depth_m: self.depth_m }
     }
 }

@@ -99,22 +99,6 @@ impl G2oSe2 {
     pub fn to_pose_graph(&self) -> Result<PoseGraph<Se2, 3>, IoError> {
         to_pose_graph(self)
     }
-
-    /// The file of a graph, constant poses as `FIX`.
-    ///
-    /// # Errors
-    /// [`IoError::OutOfRange`] where an edge names a pose that the graph does not hold.
-    pub fn from_pose_graph(graph: &PoseGraph<Se2, 3>) -> Result<Self, IoError> {
-        from_pose_graph(graph)
-    }
-
-    /// Takes the poses of a graph that [`G2oSe2::to_pose_graph`] made; edges stay the file's.
-    ///
-    /// # Errors
-    /// [`IoError::SizeMismatch`] or [`IoError::UnknownId`] where the vertices differ.
-    pub fn update_from(&mut self, graph: &PoseGraph<Se2, 3>) -> Result<(), IoError> {
-        update_from(self, graph)
-    }
 }
 
 impl G2oSe3 {
@@ -126,21 +110,58 @@ impl G2oSe3 {
     pub fn to_pose_graph(&self) -> Result<PoseGraph<Se3, 6>, IoError> {
         to_pose_graph(self)
     }
+}
 
+impl<const P: usize, const U: usize> G2oFile<P, U> {
     /// The file of a graph, constant poses as `FIX`.
     ///
     /// # Errors
     /// [`IoError::OutOfRange`] where an edge names a pose that the graph does not hold.
-    pub fn from_pose_graph(graph: &PoseGraph<Se3, 6>) -> Result<Self, IoError> {
-        from_pose_graph(graph)
+    pub fn from_pose_graph<G: G2oPose<N, P>, const N: usize>(
+        graph: &PoseGraph<G, N>,
+    ) -> Result<Self, IoError> {
+        let id = |index: usize, k: usize| {
+            graph.ids.get(index).copied().ok_or_else(|| IoError::OutOfRange {
+                place: Place::record(Path::new("edge"), k as u64),
+                field: "pose".to_owned(),
+                value: index as u64,
+                count: graph.ids.len() as u64,
+            })
+        };
+        let mut edges = Vec::with_capacity(graph.edges.len());
+        for (k, edge) in graph.edges.iter().enumerate() {
+            let (i, j) = (id(edge.i, k)?, id(edge.j, k)?);
+            edges.push(G2oEdge::new(i, j, &edge.i_from_j, &edge.information));
+        }
+        let constant = graph.ids.iter().zip(&graph.constant).filter(|&(_, &constant)| constant);
+        let fixed = constant.map(|(&id, _)| id).collect();
+        Ok(Self { vertices: vertices(graph), edges, fixed })
     }
 
-    /// Takes the poses of a graph that [`G2oSe3::to_pose_graph`] made; edges stay the file's.
+    /// Takes the poses of a graph that [`G2oSe2::to_pose_graph`] or [`G2oSe3::to_pose_graph`] made;
+    /// edges stay the file's.
     ///
     /// # Errors
     /// [`IoError::SizeMismatch`] or [`IoError::UnknownId`] where the vertices differ.
-    pub fn update_from(&mut self, graph: &PoseGraph<Se3, 6>) -> Result<(), IoError> {
-        update_from(self, graph)
+    pub fn update_from<G: G2oPose<N, P>, const N: usize>(
+        &mut self,
+        graph: &PoseGraph<G, N>,
+    ) -> Result<(), IoError> {
+        let vertices: Vec<G2oVertex<P>> = vertices(graph);
+        if self.has_vertices() {
+            let (actual, expected) = (vertices.len(), self.vertices.len());
+            if actual != expected {
+                return Err(IoError::SizeMismatch { what: "vertices", actual, expected });
+            }
+            for (k, (new, old)) in vertices.iter().zip(&self.vertices).enumerate() {
+                if new.id != old.id {
+                    let place = Place::record(Path::new("vertex"), k as u64);
+                    return Err(IoError::UnknownId { place, field: "vertex", id: new.id });
+                }
+            }
+        }
+        self.vertices = vertices;
+        Ok(())
     }
 }
 
@@ -210,51 +231,9 @@ pub(super) fn refused(
     }
 }
 
-fn from_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usize>(
-    graph: &PoseGraph<G, N>,
-) -> Result<G2oFile<P, U>, IoError> {
-    let id = |index: usize, k: usize| {
-        graph.ids.get(index).copied().ok_or_else(|| IoError::OutOfRange {
-            place: Place::record(Path::new("edge"), k as u64),
-            field: "pose".to_owned(),
-            value: index as u64,
-            count: graph.ids.len() as u64,
-        })
-    };
-    let mut edges = Vec::with_capacity(graph.edges.len());
-    for (k, edge) in graph.edges.iter().enumerate() {
-        let (i, j) = (id(edge.i, k)?, id(edge.j, k)?);
-        edges.push(G2oEdge::new(i, j, &edge.i_from_j, &edge.information));
-    }
-    let constant = graph.ids.iter().zip(&graph.constant).filter(|&(_, &constant)| constant);
-    let fixed = constant.map(|(&id, _)| id).collect();
-    Ok(G2oFile { vertices: vertices(graph), edges, fixed })
-}
-
 /// The vertex lines of a graph.
 fn vertices<G: G2oPose<N, P>, const N: usize, const P: usize>(
     graph: &PoseGraph<G, N>,
 ) -> Vec<G2oVertex<P>> {
     graph.ids.iter().zip(&graph.poses).map(|(&id, pose)| G2oVertex::new(id, pose)).collect()
-}
-
-fn update_from<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usize>(
-    file: &mut G2oFile<P, U>,
-    graph: &PoseGraph<G, N>,
-) -> Result<(), IoError> {
-    let vertices: Vec<G2oVertex<P>> = vertices(graph);
-    if file.has_vertices() {
-        let (actual, expected) = (vertices.len(), file.vertices.len());
-        if actual != expected {
-            return Err(IoError::SizeMismatch { what: "vertices", actual, expected });
-        }
-        for (k, (new, old)) in vertices.iter().zip(&file.vertices).enumerate() {
-            if new.id != old.id {
-                let place = Place::record(Path::new("vertex"), k as u64);
-                return Err(IoError::UnknownId { place, field: "vertex", id: new.id });
-            }
-        }
-    }
-    file.vertices = vertices;
-    Ok(())
 }

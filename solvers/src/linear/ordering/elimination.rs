@@ -67,7 +67,7 @@ pub(super) fn inverse_permutation(order: &[u32], count: usize) -> Option<Vec<u32
 
 /// The elimination tree, by paths that are shortened as they are walked.
 fn tree(neighbors: &Lists<u32>) -> Vec<u32> {
-    let count = neighbors.starts.len() - 1;
+    let count = neighbors.count();
     let mut parents = vec![NO_PARENT; count];
     let mut ancestors = vec![NO_PARENT; count];
     for k in 0..count {

@@ -3,47 +3,23 @@
 //! Compressed neighbor lists, both directions, ascending; with weights once vertices are merged. It
 //! knows neither sizes nor values.
 
-use std::ops::Range;
-
 use crate::linear::pattern::BlockPattern;
+use crate::lists::Lists;
 
-/// An undirected graph without loops.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Graph {
-    /// Where each list begins, and the end of the last.
-    pub(super) starts: Vec<usize>,
-    pub(super) neighbors: Vec<u32>,
-}
+/// An undirected graph without loops: the neighbors of each vertex.
+pub(super) type Graph = Lists<u32>;
 
 impl Graph {
     /// The graph of a pattern. Patterns too large for 32-bit indices have a graph without vertices.
-    pub(super) fn new(pattern: &BlockPattern) -> Self {
-        let count = pattern.block_count();
+    pub(super) fn of_pattern(pattern: &BlockPattern) -> Self {
         if pattern.stored_block_count() > (u32::MAX / 4) as usize {
             return Self::default();
         }
-        let mut starts = vec![0; count + 1];
-        for i in 0..count {
-            for &j in pattern.row(i).iter().filter(|&&j| j as usize != i) {
-                starts[i + 1] += 1;
-                starts[j as usize + 1] += 1;
-            }
-        }
-        for i in 0..count {
-            starts[i + 1] += starts[i];
-        }
-        let mut next = starts.clone();
-        let mut neighbors = vec![0u32; starts[count]];
         // Rows ascend, so a vertex meets its lower neighbors in its own row before any higher one.
-        for i in 0..count {
-            for &j in pattern.row(i).iter().filter(|&&j| j as usize != i) {
-                for (v, w) in [(i, j), (j as usize, i as u32)] {
-                    neighbors[next[v]] = w;
-                    next[v] += 1;
-                }
-            }
-        }
-        Self { starts, neighbors }
+        let of_row = |i: usize| pattern.row(i).iter().map(move |&j| (i, j as usize));
+        let edges = (0..pattern.block_count()).flat_map(of_row).filter(|(i, j)| i != j);
+        let ends = edges.flat_map(|(i, j)| [(i, j as u32), (j, i as u32)]);
+        Self::new(pattern.block_count(), ends)
     }
 
     /// The graph of the vertices that are kept, numbered anew, and their numbers here. `neighbors` are
@@ -60,28 +36,13 @@ impl Graph {
             kept.push(v as u32);
         }
         let most = kept.iter().map(|&v| neighbors(v as usize).len()).sum();
-        let mut part = Self { starts: vec![0], neighbors: Vec::with_capacity(most) };
+        let mut part = Self { starts: vec![0], items: Vec::with_capacity(most) };
         for &v in &kept {
             let inside = neighbors(v as usize).iter().filter(|&&w| is_kept(w as usize));
-            part.neighbors.extend(inside.map(|&w| number[w as usize]));
-            part.starts.push(part.neighbors.len());
+            part.items.extend(inside.map(|&w| number[w as usize]));
+            part.starts.push(part.items.len());
         }
         (part, kept)
-    }
-
-    /// Number of vertices.
-    pub(super) fn count(&self) -> usize {
-        self.starts.len().saturating_sub(1)
-    }
-
-    /// Where the neighbors of vertex `v` stand.
-    pub(super) fn range(&self, v: usize) -> Range<usize> {
-        self.starts[v]..self.starts[v + 1]
-    }
-
-    /// The neighbors of vertex `v`.
-    pub(super) fn of(&self, v: usize) -> &[u32] {
-        &self.neighbors[self.range(v)]
     }
 }
 
@@ -114,7 +75,7 @@ impl Level {
     /// All weights one.
     pub(super) fn of(graph: Graph) -> Self {
         let weights = vec![1; graph.count()];
-        let edge_weights = vec![1; graph.neighbors.len()];
+        let edge_weights = vec![1; graph.items.len()];
         Self { graph, weights, edge_weights, balance: Balance::HALVES }
     }
 }

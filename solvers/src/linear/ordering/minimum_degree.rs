@@ -43,7 +43,7 @@ pub(super) fn minimum_degree(graph: &Graph) -> Option<Vec<u32>> {
 /// where it may take long it runs on a thread of its own, which then continues without a receiver. At
 /// most `MOST_ABANDONED` threads do so; beyond that number the call waits for its order.
 pub(super) fn minimum_degree_until(graph: &Arc<Graph>, interrupt: &Interrupt) -> Option<Vec<u32>> {
-    if interrupt.is_never() || graph.neighbors.len() < LONG {
+    if interrupt.is_never() || graph.items.len() < LONG {
         return minimum_degree(graph);
     }
     let (reply, answer) = mpsc::channel();
@@ -92,7 +92,7 @@ pub(super) fn reduced(
 ) -> Option<Vec<u32>> {
     let count = graph.count();
     let mut order = Vec::with_capacity(count);
-    let mut lists = graph.neighbors.clone();
+    let mut lists = graph.items.clone();
     let mut degrees: Vec<u32> = (0..count).map(|v| graph.of(v).len() as u32).collect();
     let mut is_eliminated = vec![false; count];
     let mut pending = Vec::new();
@@ -126,7 +126,7 @@ pub(super) fn reduced(
         let (mut core, kept) = graph.induced(|v| !is_eliminated[v], left);
         for v in 0..core.count() {
             let range = core.range(v);
-            core.neighbors[range].sort_unstable();
+            core.items[range].sort_unstable();
         }
         order.extend(order_core(&core)?.into_iter().map(|k| kept[k as usize]));
     }

@@ -32,34 +32,34 @@ impl Level {
                 first_of.push(v as u32);
             }
         }
-        let mut graph = Graph { starts: vec![0], neighbors: Vec::new() };
+        let mut graph = Graph { starts: vec![0], items: Vec::new() };
         let (mut weights, mut edge_weights) = (Vec::new(), Vec::new());
         // Where each neighbor of the vertex at hand stands in its list.
         let mut place = vec![usize::MAX; first_of.len()];
         for (k, &v) in first_of.iter().enumerate() {
-            let begin = graph.neighbors.len();
+            let begin = graph.items.len();
             let mut weight = 0;
             let pair = [v, mate[v as usize]];
             let members = if pair[0] == pair[1] { &pair[..1] } else { &pair[..] };
             for &member in members {
                 weight += self.weights[member as usize];
                 for at in self.graph.range(member as usize) {
-                    let to = coarse_of[self.graph.neighbors[at] as usize];
+                    let to = coarse_of[self.graph.items[at] as usize];
                     if to as usize == k {
                         continue;
                     }
                     let slot = &mut place[to as usize];
                     // Positions from earlier lists do not count.
                     if *slot == usize::MAX || *slot < begin {
-                        *slot = graph.neighbors.len();
-                        graph.neighbors.push(to);
+                        *slot = graph.items.len();
+                        graph.items.push(to);
                         edge_weights.push(0);
                     }
                     edge_weights[*slot] += self.edge_weights[at];
                 }
             }
             weights.push(weight);
-            graph.starts.push(graph.neighbors.len());
+            graph.starts.push(graph.items.len());
         }
         (Self { graph, weights, edge_weights, balance: self.balance }, coarse_of)
     }
@@ -79,7 +79,7 @@ impl Level {
             }
             let mut best: Option<(u32, u32, u32)> = None;
             for at in self.graph.range(v) {
-                let w = self.graph.neighbors[at];
+                let w = self.graph.items[at];
                 let weight = self.weights[w as usize];
                 if mate[w as usize] != u32::MAX || weight + self.weights[v] > heaviest {
                     continue;

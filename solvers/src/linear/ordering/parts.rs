@@ -8,6 +8,7 @@ use super::graph::{Balance, Graph, Level};
 use super::multilevel::separate;
 use super::refinement::SEPARATOR;
 use crate::interrupt::Interrupt;
+use crate::lists::Lists;
 
 /// Marks a vertex of a separator.
 pub(crate) const SEPARATE: u32 = u32::MAX;
@@ -33,26 +34,13 @@ pub(crate) fn parts(
 impl Level {
     /// The graph of weighted edges (later, earlier, weight), ascending; each vertex weighs one.
     fn weighted(count: usize, edges: &[(u32, u32, u32)]) -> Self {
-        let mut starts = vec![0; count + 1];
-        for &(later, earlier, _) in edges {
-            starts[later as usize + 1] += 1;
-            starts[earlier as usize + 1] += 1;
-        }
-        for v in 0..count {
-            starts[v + 1] += starts[v];
-        }
-        let mut next = starts.clone();
-        let mut neighbors = vec![0; starts[count]];
-        let mut edge_weights = vec![0; starts[count]];
         // Edges ascend, so a vertex meets its earlier neighbors before any later one.
-        for &(later, earlier, weight) in edges {
-            for (v, w) in [(later, earlier), (earlier, later)] {
-                let place = &mut next[v as usize];
-                (neighbors[*place], edge_weights[*place]) = (w, weight);
-                *place += 1;
-            }
-        }
-        let graph = Graph { starts, neighbors };
+        let ends = edges.iter().flat_map(|&(later, earlier, weight)| {
+            [(later as usize, (earlier, weight)), (earlier as usize, (later, weight))]
+        });
+        let Lists { starts, items } = Lists::new(count, ends);
+        let (items, edge_weights) = items.into_iter().unzip();
+        let graph = Graph { starts, items };
         Self { graph, weights: vec![1; count], edge_weights, balance: Balance::HALVES }
     }
 
@@ -60,10 +48,10 @@ impl Level {
     fn side(&self, sides: &[u8], side: u8) -> (Self, Vec<u32>) {
         let is_kept = |v: usize| sides[v] == side;
         let (graph, kept) = self.graph.induced(is_kept, |v| self.graph.of(v));
-        let mut edge_weights = Vec::with_capacity(graph.neighbors.len());
+        let mut edge_weights = Vec::with_capacity(graph.items.len());
         for &v in &kept {
             let range = self.graph.range(v as usize);
-            let entries = self.graph.neighbors[range.clone()].iter().zip(&self.edge_weights[range]);
+            let entries = self.graph.items[range.clone()].iter().zip(&self.edge_weights[range]);
             let inside = entries.filter(|&(&w, _)| is_kept(w as usize));
             edge_weights.extend(inside.map(|(_, &weight)| weight));
         }

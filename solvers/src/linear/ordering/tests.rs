@@ -25,6 +25,10 @@ fn grid(side: usize, size: usize) -> BlockPattern {
     BlockPattern::new(vec![size; side * side], pairs.flatten())
 }
 
+fn cheapest_ordering(pattern: &BlockPattern) -> BlockOrdering {
+    cheapest(pattern, &Interrupt::NEVER).unwrap().0
+}
+
 /// `None` where `order` is not a permutation of the blocks.
 fn elimination_flops(pattern: &BlockPattern, order: &[u32]) -> Option<f64> {
     eliminate(pattern, order).map(|elimination| elimination.flops)
@@ -131,7 +135,10 @@ fn dissected(graph: &Graph) -> Option<Vec<u32>> {
 #[test]
 fn an_order_that_may_be_interrupted_is_the_same_and_ends_when_it_is() {
     let pattern = tangle(130);
-    assert!(Graph::new(&pattern).neighbors.len() > 50_000, "long enough for a thread of its own");
+    assert!(
+        Graph::of_pattern(&pattern).items.len() > 50_000,
+        "long enough for a thread of its own"
+    );
     let flag = Arc::new(AtomicBool::new(false));
     let interrupt = Interrupt::NEVER.or_when(Arc::clone(&flag));
     let (whole, _) = cheapest(&pattern, &interrupt).unwrap();
@@ -139,13 +146,13 @@ fn an_order_that_may_be_interrupted_is_the_same_and_ends_when_it_is() {
     flag.store(true, Ordering::Relaxed);
     let ended = cheapest(&pattern, &interrupt);
     assert!(matches!(ended, Err(LinearError::Interrupted)), "{ended:?}");
-    assert_eq!(nested_dissection(&Graph::new(&pattern), &interrupt), None);
+    assert_eq!(nested_dissection(&Graph::of_pattern(&pattern), &interrupt), None);
 }
 
 #[test]
 fn a_separator_separates_and_is_small_on_a_grid() {
     for (pattern, most) in [(grid(40, 3), 44), (tangle(25), 300)] {
-        let graph = Graph::new(&pattern);
+        let graph = Graph::of_pattern(&pattern);
         let sides = separate(&Level::of(graph.clone()), &Interrupt::NEVER).unwrap();
         for v in 0..graph.count() {
             let crosses = |&w: &u32| sides[v] + sides[w as usize] == 1;
@@ -161,7 +168,7 @@ fn a_separator_separates_and_is_small_on_a_grid() {
 fn dissection_is_a_permutation_that_beats_the_callers_order() {
     let scattered = BlockPattern::new(vec![3; 900], (0..450).map(|i| (2 * i, 2 * i + 1)));
     for pattern in [grid(40, 3), tangle(25), scattered, chain(500, 6), grid(1, 2), chain(0, 1)] {
-        let graph = Graph::new(&pattern);
+        let graph = Graph::of_pattern(&pattern);
         for order in [dissected(&graph), reduced(&graph, dissected)] {
             let order = order.unwrap();
             let flops = elimination_flops(&pattern, &order).expect("a permutation");
