@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 static TARGET: LazyLock<String> = LazyLock::new(covis_fuzz::named_target);
 
-libfuzzer_sys::fuzz_target!(
+covis_fuzz::fuzz_target!(
     init: {
         LazyLock::force(&TARGET);
         covis_fuzz::tell_at_exit();

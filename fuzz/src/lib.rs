@@ -10,6 +10,9 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicBool, AtomicIsize, Ordering};
 
+// The counters that the compiler adds need libFuzzer in every program.
+pub use libfuzzer_sys::fuzz_target;
+
 /// What one input may hold at any time, bytes.
 pub const MOST_BYTES: isize = 64 << 20;
 
