@@ -80,7 +80,7 @@ pub use importing::{ImportRoom, ImportedAs};
 pub use maps::Maps;
 pub use merging::{LinkRequest, MergeOutcome, MergeRequest};
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
-pub(super) use pool::panic_message;
+pub(crate) use pool::panic_message;
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
 pub use rebuilding::{Rebuilt, UnplacedKeyframe};
 pub use solve::{
