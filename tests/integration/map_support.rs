@@ -14,6 +14,7 @@ use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use covis_solvers::relative_motion::RelativeMotion;
 use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use sprs::{CsMat, TriMat};
 
 /// A map and the events that made it.
 #[derive(Clone)]
@@ -223,11 +224,19 @@ pub(crate) fn pose_error(a: &Se3, b: &Se3) -> f64 {
     a.minus(b).norm()
 }
 
-/// The counts of shared landmarks by their definition: each observer of a landmark counts with the 32 that
-/// were added before it and the 32 after it.
+/// The counts of shared landmarks from scratch: AᵀA of the observation matrix A (landmarks × keyframes,
+/// entries 0 or 1) for landmarks of at most 33 observers; each observer of another one counts with the
+/// 32 that were added before it and the 32 after it.
 pub(crate) fn assert_covisibility(map: &Map) {
+    let ids: Vec<EntityId> = map.keyframes().keys().copied().collect();
+    let column = |id: &EntityId| ids.binary_search(id).unwrap();
     let mut expected: BTreeMap<(EntityId, EntityId), u32> = BTreeMap::new();
-    for landmark in map.landmarks().values() {
+    let mut a = TriMat::new((map.landmarks().len(), ids.len()));
+    for (row, landmark) in map.landmarks().values().enumerate() {
+        if landmark.observers.len() <= 33 {
+            landmark.observers.iter().for_each(|id| a.add_triplet(row, column(id), 1_u32));
+            continue;
+        }
         let age = |id: &EntityId| (map.keyframes().get(id).unwrap().added_revision, *id);
         let mut observers: Vec<_> = landmark.observers.iter().map(age).collect();
         observers.sort_unstable();
@@ -236,6 +245,11 @@ pub(crate) fn assert_covisibility(map: &Map) {
                 *expected.entry((a.min(b), a.max(b))).or_default() += 1;
             }
         }
+    }
+    let a: CsMat<u32> = a.to_csc();
+    let product: CsMat<u32> = &a.transpose_view() * &a;
+    for (&count, (i, j)) in product.iter().filter(|(count, (i, j))| i < j && **count > 0) {
+        *expected.entry((ids[i], ids[j])).or_default() += count;
     }
     let kept: Vec<_> = map.covisibility().pairs().map(|(a, b, count)| ((a, b), count)).collect();
     assert_eq!(kept, expected.into_iter().collect::<Vec<_>>());
