@@ -55,7 +55,7 @@ impl Shape {
 /// allocation.
 #[derive(Debug)]
 pub(super) struct Aligned {
-    values: Vec<f64>,
+    values: Box<[f64]>,
     skipped: usize,
     length: usize,
 }
@@ -64,10 +64,9 @@ impl Aligned {
     /// `None` where there is no memory.
     pub(super) fn new(length: usize) -> Option<Self> {
         let whole = length.checked_add(WIDTH)?;
-        // Asked for and given back: unlike a vector filled here, one made of zeros gets its pages
-        // from the system as they are used, by the threads that use them.
-        Vec::<f64>::new().try_reserve_exact(whole).ok()?;
-        let values = vec![0.0; whole];
+        // Unlike a vector that is filled, this gets its pages as they are used, by the threads that use
+        // them, and it never asks twice: an allocator that gives the same memory again has to clear it.
+        let values = bytemuck::try_zeroed_slice_box::<f64>(whole).ok()?;
         let skipped = values.as_ptr().align_offset(size_of::<f64>() * WIDTH).min(WIDTH);
         Some(Self { values, skipped, length })
     }
