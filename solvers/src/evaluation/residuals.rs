@@ -4,7 +4,7 @@
 //! degrees of freedom; here its median is compared, so that less than half of outliers do not decide.
 //! Losses give the limit of outliers and nothing else. This file evaluates and must not solve.
 
-use nalgebra::{DMatrix, DVector, SVector};
+use nalgebra::{SMatrix, SVector};
 
 use super::cost::observed;
 use super::reference::ReferencePose;
@@ -320,20 +320,16 @@ impl Tangents {
         information: &Information<N>,
         redundancy: f64,
     ) {
-        let middle = self.translation.dimension;
         let covariance = information.covariance().ok();
         let covariance = covariance.as_ref().map(|covariance| covariance.matrix());
+        let middle = self.translation.dimension;
         for (samples, start) in [(&mut self.translation, 0), (&mut self.rotation, middle)] {
-            let k = samples.dimension;
-            let r = DVector::from_fn(k, |i, _| residual[start + i]);
-            // The marginal information of a block is the inverse of its covariance.
-            let marginal = covariance.and_then(|covariance| {
-                DMatrix::from_fn(k, k, |i, j| covariance[(start + i, start + j)]).try_inverse()
-            });
-            let marginal = marginal.unwrap_or_else(|| {
-                DMatrix::from_fn(k, k, |i, j| information.matrix()[(start + i, start + j)])
-            });
-            samples.add(r.norm_squared(), r.dot(&(marginal * &r)), redundancy);
+            let (square, s) = match samples.dimension {
+                1 => block::<1, N>(start, residual, information.matrix(), covariance),
+                2 => block::<2, N>(start, residual, information.matrix(), covariance),
+                _ => block::<3, N>(start, residual, information.matrix(), covariance),
+            };
+            samples.add(square, s, redundancy);
         }
     }
 
@@ -346,6 +342,22 @@ impl Tangents {
             report.0[quantity as usize] = statistics;
         }
     }
+}
+
+/// ‖r‖² and rᵀΩr of the K rows of a residual from `start` on. Their marginal information is the inverse
+/// of their covariance, where there is one.
+fn block<const K: usize, const N: usize>(
+    start: usize,
+    residual: &SVector<f64, N>,
+    information: &SMatrix<f64, N, N>,
+    covariance: Option<&SMatrix<f64, N, N>>,
+) -> (f64, f64) {
+    let of = |matrix: &SMatrix<f64, N, N>| {
+        SMatrix::<f64, K, K>::from_fn(|i, j| matrix[(start + i, start + j)])
+    };
+    let marginal = covariance.and_then(|covariance| of(covariance).try_inverse());
+    let r = SVector::<f64, K>::from_fn(|i, _| residual[start + i]);
+    (r.norm_squared(), r.dot(&(marginal.unwrap_or_else(|| of(information)) * r)))
 }
 
 /// The residuals of a bundle adjustment problem.
