@@ -25,13 +25,20 @@ pub(crate) fn map<T: Send, R: Send>(
 }
 
 /// What `work` gives for each of many small items, of which a task takes `run` one after the other.
-pub(crate) fn map_in_runs<T: Sync, R: Send>(
+/// Results are written to their places, where `blank` stands before.
+pub(crate) fn map_in_runs<T: Sync, R: Clone + Send>(
     items: &[T],
     run: usize,
+    blank: R,
     work: impl Fn(&T) -> R + Sync,
 ) -> Vec<R> {
-    let runs = map(items.chunks(run), |run| run.iter().map(&work).collect::<Vec<_>>());
-    runs.into_iter().flatten().collect()
+    let mut results = vec![blank; items.len()];
+    for_each(items.chunks(run).zip(results.chunks_mut(run)), |(items, results)| {
+        for (item, result) in items.iter().zip(results) {
+            *result = work(item);
+        }
+    });
+    results
 }
 
 fn run(tasks: Vec<Task<'_>>) {

@@ -203,7 +203,7 @@ fn relaxed_rotations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         let kappa = IsotropicPrecision::of::<D, N>(&edge.information).rotation;
         (kappa, edge.i_from_j.rotation_matrix())
     };
-    let factors = parallel::map_in_runs(&graph.edges, MIN_EDGES, factor);
+    let factors = parallel::map_in_runs(&graph.edges, MIN_EDGES, (0.0, SMatrix::zeros()), factor);
     for (edge, &(kappa, z)) in graph.edges.iter().zip(&factors) {
         if edge.i == edge.j {
             continue;
@@ -243,7 +243,8 @@ fn translations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         // t_j − t_i should be R_i t_Z.
         (rotation * omega * rotation.transpose(), rotation * edge.i_from_j.translation())
     };
-    let factors = parallel::map_in_runs(&graph.edges, MIN_EDGES, factor);
+    let blank = (SMatrix::zeros(), SVector::zeros());
+    let factors = parallel::map_in_runs(&graph.edges, MIN_EDGES, blank, factor);
     for (edge, &(weight, measured)) in graph.edges.iter().zip(&factors) {
         if edge.i == edge.j {
             continue;

@@ -220,6 +220,7 @@ impl BlockRowMut<'_> {
     ///
     /// # Panics
     /// Where `k` is not below `columns().len()`.
+    #[inline]
     pub fn slot_mut(&mut self, k: usize) -> &mut [f64] {
         let base = self.starts[0];
         &mut self.values[self.starts[k] - base..self.starts[k + 1] - base]

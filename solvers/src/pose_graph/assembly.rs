@@ -18,22 +18,32 @@ use crate::parallel;
 /// What `edge` adds to H and g at the two poses; `loss` is the graph's.
 pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
     edge: &RelativePose<G, N>,
-    (world_from_i, world_from_j): (&G, &G),
+    poses: (&G, &G),
     loss: Loss,
 ) -> PairTerm<N> {
+    let mut term = PairTerm::zeros();
+    linearize_edge(edge, poses, loss, &mut term);
+    term
+}
+
+/// Writes what `edge` adds into its place: a term of SE(3) is a kilobyte, too large to copy for each.
+fn linearize_edge<G: LieGroup<N>, const N: usize>(
+    edge: &RelativePose<G, N>,
+    (world_from_i, world_from_j): (&G, &G),
+    loss: Loss,
+    term: &mut PairTerm<N>,
+) {
     let pair = edge.linearize(world_from_i, world_from_j);
     let omega = edge.information.matrix();
     let loss = edge.loss.unwrap_or(loss).evaluate(edge.information.squared_norm(&pair.residual));
     let omega_d_i = omega * pair.d_i * loss.weight;
     let omega_d_j = omega * pair.d_j * loss.weight;
-    PairTerm {
-        cost: 0.5 * loss.rho,
-        h_ii: pair.d_i.tr_mul(&omega_d_i),
-        h_ij: pair.d_i.tr_mul(&omega_d_j),
-        h_jj: pair.d_j.tr_mul(&omega_d_j),
-        g_i: omega_d_i.tr_mul(&pair.residual),
-        g_j: omega_d_j.tr_mul(&pair.residual),
-    }
+    term.cost = 0.5 * loss.rho;
+    pair.d_i.tr_mul_to(&omega_d_i, &mut term.h_ii);
+    pair.d_i.tr_mul_to(&omega_d_j, &mut term.h_ij);
+    pair.d_j.tr_mul_to(&omega_d_j, &mut term.h_jj);
+    omega_d_i.tr_mul_to(&pair.residual, &mut term.g_i);
+    omega_d_j.tr_mul_to(&pair.residual, &mut term.g_j);
 }
 
 /// Linearizes every edge into `blocks`, which has one entry an edge afterwards. Once `interrupt` is due
@@ -48,12 +58,11 @@ pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
     blocks.resize(edges.len(), PairTerm::zeros());
     let runs = edges.chunks(FACTORS_PER_CHUNK).zip(blocks.chunks_mut(FACTORS_PER_CHUNK));
     parallel::for_each(runs, |(edges, blocks)| {
-        let is_due = interrupt.is_due();
+        if interrupt.is_due() {
+            return blocks.fill(PairTerm::zeros());
+        }
         for (edge, block) in edges.iter().zip(blocks) {
-            *block = match is_due {
-                true => PairTerm::zeros(),
-                false => pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss),
-            };
+            linearize_edge(edge, (&poses[edge.i], &poses[edge.j]), loss, block);
         }
     });
 }

@@ -30,7 +30,7 @@ impl<G: LieGroup<N>, const N: usize> Measured<G, N> {
 
     /// Each edge of a graph; `None` for one that leaves a direction open.
     pub(super) fn all(graph: &PoseGraph<G, N>) -> Vec<Option<Self>> {
-        parallel::map_in_runs(&graph.edges, FACTORS_PER_CHUNK, Self::of)
+        parallel::map_in_runs(&graph.edges, FACTORS_PER_CHUNK, None, Self::of)
     }
 
     /// Z⁻¹: Exp(−δ) Z⁻¹ = Z⁻¹ Exp(−Ad(Z) δ).
