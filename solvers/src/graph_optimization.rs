@@ -188,7 +188,7 @@ impl Run<'_> {
     ) -> Result<Optimized, SolveError> {
         match &self.options.judging {
             None => self.plain(graph, has_poses, observer),
-            Some(judging) => self.judged(graph, has_poses, judging, observer),
+            Some(judging) => self.robust(graph, has_poses, judging, observer),
         }
     }
 
@@ -277,7 +277,7 @@ impl Run<'_> {
         })
     }
 
-    fn judged<G: GraphPose<D, N>, const D: usize, const N: usize>(
+    fn robust<G: GraphPose<D, N>, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
         has_poses: bool,

@@ -217,7 +217,7 @@ impl System for BundleSystem<'_> {
     fn keep(&mut self, row: &IterationSummary, state: &dyn Fn() -> LoopState) {
         let Some(keeper) = self.keeper.take() else { return };
         if keeper.is_due(row) {
-            keeper.keep(self.variables.checkpoint(state()));
+            keeper.keep(self.variables.to_checkpoint(state()));
         }
         self.keeper = Some(keeper);
     }

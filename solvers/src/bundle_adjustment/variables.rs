@@ -174,7 +174,7 @@ impl<'a> Variables<'a> {
     }
 
     /// What a solve that goes on from here needs, besides its problem.
-    pub(super) fn checkpoint(&self, state: LoopState) -> Checkpoint {
+    pub(super) fn to_checkpoint(&self, state: LoopState) -> Checkpoint {
         let BundleProblem { poses, cameras, .. } = &*self.problem;
         let (poses, cameras) = (poses.clone(), cameras.clone());
         Checkpoint { state, poses, landmarks: self.landmarks(), cameras }

@@ -190,8 +190,8 @@ pub(super) fn not_ambiguous(
     features: &[Feature],
     numbers: &mut Numbers,
 ) -> Result<(), Refusal> {
-    let near = problem.judged(*pose, 2.0).inliers;
-    let best = problem.judged(*pose, 1.0).inliers;
+    let near = problem.consensus(*pose, 2.0).inliers;
+    let best = problem.consensus(*pose, 1.0).inliers;
     let mut is_near = vec![false; problem.matches.len()];
     near.iter().for_each(|&k| is_near[k] = true);
     let rest: Vec<super::Weighted> =
@@ -206,7 +206,7 @@ pub(super) fn not_ambiguous(
     };
     let enough = inliers_needed(features, &others, &rival.pose);
     // A pose that explains the same matches is the same one, seen with larger errors.
-    let again = problem.judged(rival.pose, 3.0).inliers;
+    let again = problem.consensus(rival.pose, 3.0).inliers;
     let shared = again.iter().filter(|k| best.binary_search(k).is_ok()).count();
     let is_strong = weight(&rest, &rival.inliers) >= RIVAL * weight(problem.matches, &best);
     if is_strong && rival.inliers.len() >= enough && 2 * shared < best.len() {

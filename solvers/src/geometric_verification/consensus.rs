@@ -105,15 +105,15 @@ impl Problem<'_> {
     /// The pose fitted to its inliers, as far as that gains support.
     pub(super) fn optimized(&self, pose: Se3) -> Consensus {
         // Those of a wider gate first: a sample of three is off by more than a fit of all.
-        let mut best = self.judged(pose, 1.0);
+        let mut best = self.consensus(pose, 1.0);
         let mut wide = 2.0;
         for _ in 0..ROUNDS {
-            let around = if wide > 1.0 { self.judged(best.pose, wide) } else { best.clone() };
+            let around = if wide > 1.0 { self.consensus(best.pose, wide) } else { best.clone() };
             wide = 1.0;
             let every = around.inliers.len().div_ceil(FITTED).max(1);
             let some: Vec<usize> = around.inliers.iter().copied().step_by(every).collect();
             let Some(fitted) = self.fitted(&some, &best.pose) else { break };
-            let next = self.judged(fitted.motion.a_from_b, 1.0);
+            let next = self.consensus(fitted.motion.a_from_b, 1.0);
             if next.support <= best.support {
                 break;
             }
@@ -123,7 +123,7 @@ impl Problem<'_> {
     }
 
     /// What agrees with a pose, by a gate that is `wide` times as wide.
-    pub(super) fn judged(&self, pose: Se3, wide: f64) -> Consensus {
+    pub(super) fn consensus(&self, pose: Se3, wide: f64) -> Consensus {
         let (mut inliers, mut support) = (Vec::new(), 0.0);
         for (index, m) in self.matches.iter().enumerate() {
             let Some((chi2, rows)) = squared_error(self.camera, &m.seen, &pose) else { continue };

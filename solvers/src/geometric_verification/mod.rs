@@ -155,13 +155,13 @@ pub fn verify(
     options: &Options,
 ) -> Result<Verdict, InputError> {
     validate(input)?;
-    Ok(match judge(input, &likeness, options) {
+    Ok(match verified(input, &likeness, options) {
         Ok(verified) => Verdict::Same(Box::new(verified)),
         Err(refusal) => Verdict::Refused(refusal),
     })
 }
 
-fn judge(
+fn verified(
     input: &Input<'_>,
     likeness: &impl Fn(usize, usize) -> Likeness,
     options: &Options,
@@ -224,7 +224,7 @@ fn judge(
     let inverse = covariance.cholesky().ok_or(Refusal::RefinementFailed)?.inverse();
     let information = Information::new(&((inverse + inverse.transpose()) * 0.5))
         .map_err(|_not_definite| Refusal::RefinementFailed)?;
-    let agreed: Consensus = problem.judged(pose, 1.0);
+    let agreed: Consensus = problem.consensus(pose, 1.0);
     Ok(Verified {
         candidate_from_query: pose,
         information,

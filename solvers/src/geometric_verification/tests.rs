@@ -6,7 +6,7 @@ mod scene;
 use nalgebra::{Vector3, Vector6};
 
 use super::*;
-use scene::{Made, Scene, judged};
+use scene::{Made, Scene, verdict_of};
 
 fn same(verdict: &Verdict) -> &Verified {
     match verdict {
@@ -28,7 +28,7 @@ fn nees(scene: &Scene, options: &Options, seeds: std::ops::Range<u64>) -> (f64, 
     let (mut sum, mut accepted) = (0.0, 0.0);
     for seed in seeds {
         let made = scene.make(seed);
-        if let Verdict::Same(verified) = judged(&made, options) {
+        if let Verdict::Same(verified) = verdict_of(&made, options) {
             let error = verified.candidate_from_query.minus(&made.truth);
             sum += verified.information.squared_norm(&error) / 6.0;
             accepted += 1.0;
@@ -83,7 +83,7 @@ fn other_places_are_refused_over_a_thousand_seeds() {
     let without_depth = Scene { query_depth: false, ..scene };
     for seed in 0..500 {
         for scene in [&scene, &without_depth] {
-            let verdict = judged(&scene.make(seed), &Options::default());
+            let verdict = verdict_of(&scene.make(seed), &Options::default());
             assert_eq!(reason(&verdict), "too_few_inliers", "seed {seed}");
         }
     }
@@ -92,10 +92,10 @@ fn other_places_are_refused_over_a_thousand_seeds() {
 #[test]
 fn a_verdict_is_the_same_again_and_on_any_thread() {
     let made = Scene { wrong: 0.6, ..Scene::default() }.make(3);
-    let once = judged(&made, &Options::default());
+    let once = verdict_of(&made, &Options::default());
     assert_eq!(reason(&once), "same");
     let others = std::thread::scope(|scope| {
-        let again = || judged(&made, &Options::default());
+        let again = || verdict_of(&made, &Options::default());
         let handles: Vec<_> = (0..4).map(|_| scope.spawn(again)).collect();
         handles.into_iter().map(|handle| handle.join().unwrap()).collect::<Vec<_>>()
     });
@@ -106,7 +106,7 @@ fn a_verdict_is_the_same_again_and_on_any_thread() {
 fn a_pose_finds_matches_that_were_not_proposed() {
     let scene = Scene { proposed: 0.3, ..Scene::default() };
     let made = scene.make(1);
-    let verdict = judged(&made, &Options::default());
+    let verdict = verdict_of(&made, &Options::default());
     let verified = same(&verdict);
     assert!(verified.inliers.len() > 2 * verified.proposed, "{verified:?}");
     let is_wrong = |&&(point, feature): &&(usize, usize)| point != feature;
@@ -118,11 +118,11 @@ fn a_pose_finds_matches_that_were_not_proposed() {
 fn few_matches_are_refused() {
     let mut made = Scene::default().make(1);
     made.matches.truncate(MIN_INLIERS - 1);
-    assert_eq!(reason(&judged(&made, &Options::default())), "too_few_matches");
+    assert_eq!(reason(&verdict_of(&made, &Options::default())), "too_few_matches");
     // Matches without a weight do not count.
     let mut made = Scene::default().make(1);
     made.matches.iter_mut().for_each(|m| m.weight = 0.0);
-    assert_eq!(reason(&judged(&made, &Options::default())), "too_few_matches");
+    assert_eq!(reason(&verdict_of(&made, &Options::default())), "too_few_matches");
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn a_far_plane_without_depth_has_a_mirrored_pose() {
     // A sign at 12 m, known well: which of its sides is nearer makes half a pixel.
     let sign = Scene { count: 40, width: 0.04, sigma_depth: 1e-5, ..far };
     let reasons: Vec<&str> =
-        (0..40).map(|seed| reason(&judged(&sign.make(seed), &exact()))).collect();
+        (0..40).map(|seed| reason(&verdict_of(&sign.make(seed), &exact()))).collect();
     let mirrored = reasons.iter().filter(|&&reason| reason == "mirrored_plane").count();
     assert!(mirrored > 10, "{reasons:?}");
     let (held, _) = nees(&sign, &exact(), 0..40);
@@ -150,7 +150,7 @@ fn a_far_plane_without_depth_has_a_mirrored_pose() {
 #[test]
 fn points_on_one_line_are_refused() {
     let made = Scene { on_line: true, ..Scene::default() }.make(1);
-    assert_eq!(reason(&judged(&made, &Options::default())), "one_line");
+    assert_eq!(reason(&verdict_of(&made, &Options::default())), "one_line");
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn a_small_region_of_the_image_is_refused() {
     made.matches.retain(|m| inside[m.feature]);
     made.unlike_from = Some((0..inside.len()).filter(|&f| !inside[f]).collect());
     assert!(made.matches.len() > 20, "{}", made.matches.len());
-    assert_eq!(reason(&judged(&made, &Options::default())), "small_region");
+    assert_eq!(reason(&verdict_of(&made, &Options::default())), "small_region");
 }
 
 #[test]
@@ -173,10 +173,10 @@ fn a_scene_that_repeats_itself_is_refused() {
     for seed in 0..20 {
         // Half of the matches see what stands 0.3 m beside.
         let made = Scene::default().make_repeated(seed, 0.5, Vector3::new(0.3, 0.0, 0.0));
-        assert_eq!(reason(&judged(&made, &Options::default())), "ambiguous", "seed {seed}");
+        assert_eq!(reason(&verdict_of(&made, &Options::default())), "ambiguous", "seed {seed}");
         // A figure that moved is no reason to refuse.
         let made = Scene::default().make_repeated(seed, 0.2, Vector3::new(0.3, 0.0, 0.0));
-        let verdict = judged(&made, &Options::default());
+        let verdict = verdict_of(&made, &Options::default());
         let error = same(&verdict).candidate_from_query.minus(&made.truth);
         assert!(error.norm() < 0.1, "seed {seed}: {error}");
     }
@@ -192,7 +192,7 @@ fn a_pose_that_the_odometry_excludes_is_refused() {
     for (by, expected) in [(0.5, "same"), (1.5, "same"), (3.0, "improbable")] {
         let candidate_from_query = made.truth.compose(&off(by));
         made.expected = Some(Expected { candidate_from_query, covariance });
-        assert_eq!(reason(&judged(&made, &Options::default())), expected, "{by}");
+        assert_eq!(reason(&verdict_of(&made, &Options::default())), expected, "{by}");
     }
 }
 
@@ -217,14 +217,14 @@ fn weights_make_a_few_stable_matches_win() {
     // Three in four matches agree on what moved; those that have been stable weigh ten times as much.
     let scene = Scene { count: 240, ..Scene::default() };
     let made = scene.make_repeated(1, 0.75, Vector3::new(0.4, 0.1, 0.0));
-    let verdict = judged(&made, &Options::default());
+    let verdict = verdict_of(&made, &Options::default());
     let error = same(&verdict).candidate_from_query.minus(&made.truth);
     assert!(error.norm() > 0.3, "without weights what moved is the place: {error}");
     let mut made = made;
     for m in &mut made.matches {
         m.weight = if made.moved[m.point] { 0.1 } else { 1.0 };
     }
-    let verdict = judged(&made, &Options::default());
+    let verdict = verdict_of(&made, &Options::default());
     let error = same(&verdict).candidate_from_query.minus(&made.truth);
     assert!(error.norm() < 0.1, "{error}");
 }
@@ -232,12 +232,12 @@ fn weights_make_a_few_stable_matches_win() {
 #[test]
 fn only_the_ratios_of_the_weights_matter() {
     let mut made = Scene { wrong: 0.5, ..Scene::default() }.make(1);
-    let verdict = judged(&made, &Options::default());
+    let verdict = verdict_of(&made, &Options::default());
     assert_eq!(reason(&verdict), "same");
     // The sum of the largest weights has no number.
     for weight in [1e-300, 1e308] {
         made.matches.iter_mut().for_each(|m| m.weight = weight);
-        assert_eq!(judged(&made, &Options::default()), verdict, "{weight}");
+        assert_eq!(verdict_of(&made, &Options::default()), verdict, "{weight}");
     }
 }
 
@@ -250,7 +250,7 @@ fn a_point_with_a_covariance_that_is_none_decides_nothing() {
     for point in &mut made.points[..3] {
         point.covariance = covariance;
     }
-    assert_eq!(reason(&judged(&made, &Options::default())), "same");
+    assert_eq!(reason(&verdict_of(&made, &Options::default())), "same");
 }
 
 #[test]

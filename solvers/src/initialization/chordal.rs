@@ -87,7 +87,7 @@ pub fn chordal<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     limits: Limits<'_>,
 ) -> Result<(), SolveError> {
     graph.validate()?;
-    let (poses, of) = graph.free();
+    let (poses, of) = graph.free_poses();
     let rows = Rows { poses, of };
     if rows.poses.is_empty() {
         return Ok(());

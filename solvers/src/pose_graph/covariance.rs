@@ -36,7 +36,7 @@ pub fn position_covariances<G: LieGroup<N>, const N: usize>(
         index += 1;
         counts.get(index - 1).copied().unwrap_or(false)
     });
-    let (poses, row_of) = graph.free_of_solve();
+    let (poses, row_of) = graph.free_poses_of_solve();
     let unknown = || vec![None; graph.position_priors.len()];
     if poses.is_empty() {
         return Ok(vec![Some(Matrix3::zeros()); graph.position_priors.len()]);

@@ -83,7 +83,7 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
         limits: Limits<'a>,
     ) -> Result<Self, SolveError> {
         check_start(graph)?;
-        let (poses, row_of) = graph.free_of_solve();
+        let (poses, row_of) = graph.free_poses_of_solve();
         let pairs = graph.places_of_edges(&row_of).filter_map(|(i, j)| i.zip(j));
         let pattern = Arc::new(BlockPattern::new(vec![N; poses.len()], pairs));
         let linear = linear_bytes(graph, &pattern);

@@ -56,7 +56,7 @@ pub fn undetermined<G: LieGroup<N>, const N: usize>(
     if graph.is_rigid() && !matches!(graph.loss, Loss::Tukey(_)) {
         return Ok(Vec::new());
     }
-    let (poses, row_of) = graph.free_of_solve();
+    let (poses, row_of) = graph.free_poses_of_solve();
     if poses.is_empty() {
         return Ok(Vec::new());
     }

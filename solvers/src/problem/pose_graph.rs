@@ -134,14 +134,14 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
     }
 
     /// The poses that [`Self::held`] leaves free, and the place of each pose among them.
-    pub(crate) fn free(&self) -> (Vec<usize>, Vec<Option<usize>>) {
+    pub(crate) fn free_poses(&self) -> (Vec<usize>, Vec<Option<usize>>) {
         self.others(&self.held())
     }
 
-    /// As [`Self::free`] for all factors: priors hold no pose, and none is held beside them.
-    pub(crate) fn free_of_solve(&self) -> (Vec<usize>, Vec<Option<usize>>) {
+    /// As [`Self::free_poses`] for all factors: priors hold no pose, and none is held beside them.
+    pub(crate) fn free_poses_of_solve(&self) -> (Vec<usize>, Vec<Option<usize>>) {
         let has_constant = self.constant.contains(&true);
-        if self.has_priors() && !has_constant { self.others(&[]) } else { self.free() }
+        if self.has_priors() && !has_constant { self.others(&[]) } else { self.free_poses() }
     }
 
     /// The poses that are not in `held`, which rises, and the place of each pose among them.

@@ -121,7 +121,7 @@ pub(super) fn look(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
     } else {
         0
     };
-    let acknowledged = judge(folder, &segments, mark, &mut found);
+    let acknowledged = find_damage(folder, &segments, mark, &mut found);
     found.durable = acknowledged.min(found.last);
     found.segments = segments.iter().map(|segment| segment.first).collect();
     let behind = segments.iter().filter(|s| s.runs.last().is_some_and(|&(_, last)| last > base));
@@ -188,7 +188,7 @@ fn read_segment(
 
 /// Determines what is damaged, and whether events are lost. Returns the last sequence that is known
 /// to have been synced, even if its event is lost.
-fn judge(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) -> u64 {
+fn find_damage(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) -> u64 {
     let last_index = segments.len().saturating_sub(1);
     // Every file but the last was synced whole before the next one was made.
     let whole = segments.iter().take(last_index).filter_map(|s| s.runs.last()).map(|&(_, l)| l);

@@ -81,7 +81,7 @@ impl Made {
 }
 
 /// The verdict; features are like the points of the same number, unless they are wrong.
-pub(super) fn judged(made: &Made, options: &Options) -> Verdict {
+pub(super) fn verdict_of(made: &Made, options: &Options) -> Verdict {
     let likeness = |point: usize, feature: usize| {
         let unlike = made.unlike_from.as_ref().is_some_and(|u| u.binary_search(&feature).is_ok());
         if point == feature && !made.is_wrong[feature] && !unlike {
