@@ -108,6 +108,7 @@ impl BundleProblem {
     /// # Panics
     /// Where there is none, or the arrays of its batch differ in length.
     #[must_use]
+    #[inline]
     pub fn observation(&self, k: usize) -> Observation {
         let (plain, deep) = (&self.reprojections, &self.depth_reprojections);
         match k.checked_sub(plain.len()) {
