@@ -25,7 +25,7 @@ pub(crate) fn map<T: Send, R: Send>(
 }
 
 /// What `work` gives for each of many small items, of which a task takes `run` one after the other.
-/// Results are written to their places, where `blank` stands before.
+/// The list is full of `blank` at first, and each result replaces one.
 pub(crate) fn map_in_runs<T: Sync, R: Clone + Send>(
     items: &[T],
     run: usize,
