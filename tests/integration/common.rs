@@ -5,6 +5,7 @@
 //! that are a little off by a fixed pattern. No randomness.
 
 use std::future::Future;
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -26,6 +27,11 @@ use v1::optimization_service_client::OptimizationServiceClient;
 /// Runs a test; a stream that never answers fails it instead of hanging the suite. The longest test takes
 /// a minute of an idle machine.
 pub(crate) fn run(test: impl Future<Output = ()>) {
+    run_boxed(Box::pin(test));
+}
+
+/// Apart from [`run`], so that the runtime's code is compiled once and not for each test.
+fn run_boxed(test: Pin<Box<dyn Future<Output = ()> + '_>>) {
     let runtime =
         tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
     runtime.block_on(async {
@@ -54,10 +60,14 @@ impl TestServer {
         Self::with(|config| config.engine.lock_step = true).await
     }
 
-    pub(crate) async fn with(change: impl FnOnce(&mut ServerConfig)) -> Self {
-        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+    pub(crate) fn with(change: impl FnOnce(&mut ServerConfig)) -> impl Future<Output = Self> {
         let mut config = ServerConfig { threads: 1, ..ServerConfig::default() };
         change(&mut config);
+        Self::of(config)
+    }
+
+    async fn of(config: ServerConfig) -> Self {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
         let running = Server::start(listener, config).await.unwrap();
         let url = format!("http://{}", running.local_addr());
         let channel = Endpoint::from_shared(url).unwrap().connect().await.unwrap();
