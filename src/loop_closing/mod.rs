@@ -233,7 +233,7 @@ fn verify(
         let pair = around.descriptors[point].zip(view.descriptors[feature]);
         pair.map_or(Likeness::Unknown, |(a, b)| likeness(a, b))
     };
-    match verification::verify(&input, likeness, &options).map_err(|error| unusable(&error))? {
+    match verification::verify(&input, &likeness, &options).map_err(|error| unusable(&error))? {
         Verdict::Refused(refusal) => Err(refused(&refusal)),
         Verdict::Same(verified) => {
             let landmark = |&(point, feature): &(usize, usize)| (around.landmarks[point], feature);

@@ -116,11 +116,13 @@ pub fn likeness(a: &Descriptor, b: &Descriptor) -> Likeness {
         DescriptorKind::Binary => {
             let ((a_words, a_rest), (b_words, b_rest)) =
                 (a.data.as_chunks::<8>(), b.data.as_chunks::<8>());
-            let words = a_words.iter().zip(b_words);
-            let of_words =
-                words.map(|(x, y)| (u64::from_ne_bytes(*x) ^ u64::from_ne_bytes(*y)).count_ones());
-            let of_rest = a_rest.iter().zip(b_rest).map(|(x, y)| (x ^ y).count_ones());
-            let different: u32 = of_words.chain(of_rest).sum();
+            let mut different = 0;
+            for (x, y) in a_words.iter().zip(b_words) {
+                different += (u64::from_ne_bytes(*x) ^ u64::from_ne_bytes(*y)).count_ones();
+            }
+            for (x, y) in a_rest.iter().zip(b_rest) {
+                different += (x ^ y).count_ones();
+            }
             let share = f64::from(different) / (8 * a.data.len()) as f64;
             if share <= MOST_BITS { Likeness::Distance(share) } else { Likeness::Different }
         }

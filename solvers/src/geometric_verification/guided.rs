@@ -19,7 +19,7 @@ pub(super) fn search(
     input: &Input<'_>,
     taken: &[(usize, usize)],
     pose: &Se3,
-    likeness: &impl Fn(usize, usize) -> Likeness,
+    likeness: &dyn Fn(usize, usize) -> Likeness,
     options: &Options,
 ) -> Vec<(usize, usize)> {
     let mut is_point_free = vec![true; input.points.len()];

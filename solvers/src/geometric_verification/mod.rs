@@ -151,11 +151,11 @@ pub enum Verdict {
 /// [`InputError`] where a number is not finite or out of range, or a match names what is not there.
 pub fn verify(
     input: &Input<'_>,
-    likeness: impl Fn(usize, usize) -> Likeness,
+    likeness: &dyn Fn(usize, usize) -> Likeness,
     options: &Options,
 ) -> Result<Verdict, InputError> {
     validate(input)?;
-    Ok(match verified(input, &likeness, options) {
+    Ok(match verified(input, likeness, options) {
         Ok(verified) => Verdict::Same(Box::new(verified)),
         Err(refusal) => Verdict::Refused(refusal),
     })
@@ -163,7 +163,7 @@ pub fn verify(
 
 fn verified(
     input: &Input<'_>,
-    likeness: &impl Fn(usize, usize) -> Likeness,
+    likeness: &dyn Fn(usize, usize) -> Likeness,
     options: &Options,
 ) -> Result<Verified, Refusal> {
     let mut numbers = Numbers::new(input.seed);

@@ -275,7 +275,7 @@ fn what_is_wrong_with_an_input_is_named() {
         let mut made = Scene::default().make(1);
         change(&mut made);
         let unknown = |_: usize, _: usize| Likeness::Unknown;
-        verify(&made.input(), unknown, &Options::default()).unwrap_err().to_string()
+        verify(&made.input(), &unknown, &Options::default()).unwrap_err().to_string()
     };
     let text = told(&|made| made.features[7].pixel.x = f64::NAN);
     assert_eq!(text, "feature 7 is not finite or out of range");

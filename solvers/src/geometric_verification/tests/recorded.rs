@@ -135,7 +135,7 @@ fn recorded_pairs_with_a_common_view_are_verified_and_others_are_not() {
                     _ => Likeness::Different,
                 }
             };
-            let verdict = verify(&input, likeness, &Options::default()).unwrap();
+            let verdict = verify(&input, &likeness, &Options::default()).unwrap();
             again += usize::from(is_again);
             apart += usize::from(!is_again);
             if let Verdict::Same(verified) = verdict {

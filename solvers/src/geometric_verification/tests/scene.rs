@@ -90,7 +90,7 @@ pub(super) fn verdict_of(made: &Made, options: &Options) -> Verdict {
             Likeness::Different
         }
     };
-    verify(&made.input(), likeness, options).unwrap()
+    verify(&made.input(), &likeness, options).unwrap()
 }
 
 fn pinhole(focal: f64, center: Vector2<f64>) -> Camera {
