@@ -85,6 +85,18 @@ pub fn run(target: &str, input: &[u8]) {
     RUNNING.store(false, Ordering::Relaxed);
 }
 
+/// The targets' names. The programs ask for them here: a constant with the targets' functions would have
+/// all of them compiled once more in each program.
+#[must_use]
+pub fn targets() -> Vec<&'static str> {
+    covis::fuzzing::TARGETS.iter().map(|target| target.name).collect()
+}
+
+/// Hands out inputs of at most `length` bytes that make a target hold much.
+pub fn largest(target: &str, corpus: &[Vec<u8>], length: usize, take: &mut dyn FnMut(&[u8])) {
+    covis::fuzzing::largest(target, corpus, length, take);
+}
+
 /// The most that any input added so far, bytes.
 #[must_use]
 pub fn peak() -> isize {
@@ -112,8 +124,9 @@ pub fn tell_at_exit() {
 #[must_use]
 pub fn named_target() -> String {
     let name = std::env::var("COVIS_FUZZ_TARGET").unwrap_or_default();
-    if !covis::fuzzing::TARGETS.iter().any(|target| target.name == name) {
-        let names = covis::fuzzing::TARGETS.map(|target| target.name).join(", ");
+    let names = targets();
+    if !names.contains(&name.as_str()) {
+        let names = names.join(", ");
         say(format_args!("error: COVIS_FUZZ_TARGET is \"{name}\"; the targets are {names}"));
         std::process::exit(2);
     }

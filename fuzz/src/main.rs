@@ -5,16 +5,14 @@
 use std::path::Path;
 use std::time::Instant;
 
-use covis::fuzzing::{TARGETS, largest};
-
 /// Bytes: the most that the promise is for, and what is still read of the files that have a limit.
 const LENGTHS: [usize; 2] = [1 << 20, 1 << 18];
 
 fn main() -> std::io::Result<()> {
     let wanted: Vec<String> = std::env::args().skip(1).collect();
-    for target in TARGETS.iter().filter(|t| wanted.is_empty() || wanted.iter().any(|w| w == t.name))
-    {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target.name);
+    let is_wanted = |name: &&str| wanted.is_empty() || wanted.iter().any(|w| w == name);
+    for target in covis_fuzz::targets().into_iter().filter(is_wanted) {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
         let mut corpus = Vec::new();
         for entry in std::fs::read_dir(folder)? {
             corpus.push(std::fs::read(entry?.path())?);
@@ -23,9 +21,9 @@ fn main() -> std::io::Result<()> {
         let mut slowest = std::time::Duration::ZERO;
         covis_fuzz::forget_peak();
         for length in LENGTHS {
-            largest(target.name, &corpus, length, &mut |input| {
+            covis_fuzz::largest(target, &corpus, length, &mut |input| {
                 let begin = Instant::now();
-                covis_fuzz::run(target.name, input);
+                covis_fuzz::run(target, input);
                 slowest = slowest.max(begin.elapsed());
                 count += 1;
             });
@@ -33,8 +31,7 @@ fn main() -> std::io::Result<()> {
         let (peak, seconds) = (covis_fuzz::peak() >> 10, begin.elapsed().as_secs_f64());
         let slowest = slowest.as_secs_f64();
         println!(
-            "{:16} {count:5} large inputs {peak:6} KiB held, {seconds:.1} s, slowest {slowest:.2} s",
-            target.name
+            "{target:16} {count:5} large inputs {peak:6} KiB held, {seconds:.1} s, slowest {slowest:.2} s"
         );
     }
     Ok(())
