@@ -154,7 +154,8 @@ fn a_folder_of_problems_is_solved_in_order_and_its_solutions_come_back() {
         check_status(&status, Code::NotFound, "JOB_FILE_NOT_FOUND");
         jobs.delete("all").await.unwrap();
         jobs.delete("again").await.unwrap();
-        assert_eq!(held(&server).await, 0);
+        // The task that ran a job holds it for a moment after its end.
+        while held(&server).await != 0 {}
     });
 }
 
