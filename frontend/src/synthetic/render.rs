@@ -153,7 +153,7 @@ impl<'a> Picture<'a> {
             if !candidate.may_show(u, v) {
                 continue;
             }
-            let direction = candidate.solid_from_camera * ray;
+            let direction = candidate.direction(&ray);
             if let Some(hit) = candidate.solid.shape.hit(&candidate.camera_in_solid, &direction)
                 && hit.t < best
             {
@@ -217,6 +217,14 @@ impl<'a> Seen<'a> {
             nearest_m: if inside { f64::NEG_INFINITY } else { nearest_m },
             outline,
         })
+    }
+
+    /// A camera's direction in the solid's axes. Written out: the general product of nalgebra is a call for
+    /// each column, an eighth of what a picture takes.
+    fn direction(&self, ray: &Vector3<f64>) -> Vector3<f64> {
+        let m = &self.solid_from_camera;
+        let row = |i: usize| m[(i, 0)] * ray.x + m[(i, 1)] * ray.y + m[(i, 2)] * ray.z;
+        Vector3::new(row(0), row(1), row(2))
     }
 
     /// Whether a point of the image lies within what holds the outline.
