@@ -3,12 +3,14 @@
 //! Every run starts in an empty folder and with no `COVIS_*` variable but those it is given, so that
 //! neither a developer's `covis.toml` nor the environment leaks into a test.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::Arc;
 
 use serde_json::Value;
 use tempfile::TempDir;
+use tokio::net::TcpSocket;
 
 /// A folder of its own for one test, gone at the end.
 pub(crate) struct Workspace {
@@ -105,48 +107,74 @@ impl Ran {
     }
 }
 
+/// A port of 127.0.0.1 for a server that a test starts, and may start again.
+///
+/// Linux gives a port that a socket is bound to, though nobody listens there, to no other process that
+/// asks for any port. Who asks for this one gets it.
+#[derive(Clone)]
+pub(crate) struct Port {
+    pub(crate) number: u16,
+    _bound: Option<Arc<TcpSocket>>,
+}
+
+impl Port {
+    pub(crate) fn reserve() -> Self {
+        let socket = TcpSocket::new_v4().unwrap();
+        socket.set_reuseaddr(true).unwrap();
+        socket.bind(([127, 0, 0, 1], 0).into()).unwrap();
+        let number = socket.local_addr().unwrap().port();
+        // Elsewhere a bound port is refused to everybody.
+        Self { number, _bound: cfg!(target_os = "linux").then(|| Arc::new(socket)) }
+    }
+}
+
 /// A server of its own process, with its maps in a folder.
 pub(crate) struct Running {
     pub(crate) child: Child,
     pub(crate) url: String,
+    pub(crate) port: Port,
 }
 
 impl Running {
     /// A server on a free port.
     pub(crate) fn start(workspace: &Workspace, folder: &Path) -> Self {
-        Self::listen(workspace, folder, "127.0.0.1:0", &[])
+        Self::with(workspace, folder, &[])
     }
 
     /// A server on a free port, with more arguments.
     pub(crate) fn with(workspace: &Workspace, folder: &Path, arguments: &[&str]) -> Self {
-        Self::listen(workspace, folder, "127.0.0.1:0", arguments)
+        Self::spawn(workspace.command(), Port::reserve(), folder, arguments)
     }
 
     /// A server on the port of one that has ended.
     pub(crate) fn again(&self, workspace: &Workspace, folder: &Path) -> Self {
-        Self::listen(workspace, folder, self.url.strip_prefix("http://").unwrap(), &[])
-    }
-
-    fn listen(workspace: &Workspace, folder: &Path, address: &str, arguments: &[&str]) -> Self {
-        Self::spawn(workspace.command(), address, folder, arguments)
+        Self::spawn(workspace.command(), self.port.clone(), folder, &[])
     }
 
     /// A server by a command that has nothing but its environment yet.
     pub(crate) fn spawn(
         mut command: Command,
-        address: &str,
+        port: Port,
         folder: &Path,
         arguments: &[&str],
     ) -> Self {
-        command.args(["serve", "--listen", address, "--threads", "1", "--data-dir"]);
+        let address = format!("127.0.0.1:{}", port.number);
+        command.args(["serve", "--listen", &address, "--threads", "1", "--data-dir"]);
         command.arg(folder).args(arguments);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut log = tempfile::tempfile().unwrap();
+        command.stdout(Stdio::piped()).stderr(log.try_clone().unwrap());
+        let mut child = command.spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let line = lines.next().unwrap().unwrap();
+        let Some(line) = lines.next() else {
+            let mut why = String::new();
+            log.rewind().unwrap();
+            log.read_to_string(&mut why).unwrap();
+            panic!("the server ended, {}: {why}", child.wait().unwrap());
+        };
+        let url = line.unwrap().strip_prefix("listening on ").unwrap().to_owned();
         let kept = lines.next().unwrap().unwrap();
         assert_eq!(kept, format!("maps are kept in {}", folder.display()));
-        let url = line.strip_prefix("listening on ").unwrap().to_owned();
-        Self { child, url }
+        Self { child, url, port }
     }
 
     /// SIGTERM: drained, and the exit code.

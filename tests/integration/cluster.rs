@@ -250,14 +250,14 @@ fn no_acknowledged_keyframe_is_lost_when_the_owner_is_killed() {
             let last = robot.send(5).await;
             robot.reach(last).await;
             longest = longest.max(killed.elapsed());
-            let address = servers[owner].url.strip_prefix("http://").unwrap().to_owned();
             owner = 1 - owner;
             let kept = keyframes(&servers[owner].url).await;
             assert_eq!(kept, (0..robot.sent).collect::<Vec<_>>(), "round {round}");
             assert!(acknowledged <= robot.durable());
             // The server that was killed comes back where it was.
             let name = ["a", "b"][1 - owner];
-            servers[1 - owner] = nats.covis_at(&address, &workspace, name);
+            let killed = &servers[1 - owner].port;
+            servers[1 - owner] = nats.covis_at(killed, &workspace, name);
         }
         let owners = prove_one_writer(&messages(&nats.urls()).await);
         assert_eq!(owners, rounds() + 1);
@@ -270,7 +270,6 @@ fn no_acknowledged_keyframe_is_lost_when_the_owner_and_all_of_nats_are_killed() 
     let Some(mut nats) = Nats::start(3, true) else { return };
     let workspace = Workspace::new();
     let mut server = nats.covis(&workspace, "a");
-    let address = server.url.strip_prefix("http://").unwrap().to_owned();
     run(async {
         let mut robot = Robot::new(&server.url).await;
         for round in 0..rounds() {
@@ -281,7 +280,7 @@ fn no_acknowledged_keyframe_is_lost_when_the_owner_and_all_of_nats_are_killed() 
             nats.restart();
             // Without what this server's own disk has: all is in the streams.
             std::fs::remove_dir_all(workspace.path("a")).unwrap();
-            server = nats.covis_at(&address, &workspace, "a");
+            server = nats.covis_at(&server.port, &workspace, "a");
             let last = robot.send(1).await;
             robot.reach(last).await;
             let kept = keyframes(&server.url).await;
@@ -296,7 +295,7 @@ fn an_owner_that_nats_cannot_be_reached_by_acknowledges_nothing_and_loses_the_ma
     let Some(nats) = Nats::start(3, true) else { return };
     let workspace = Workspace::new();
     run(async {
-        let to = ([127, 0, 0, 1], nats.nodes[0].port).into();
+        let to = ([127, 0, 0, 1], nats.nodes[0].port.number).into();
         let link = Proxy::to(to).await;
         let by_link = link.url().replace("http", "nats");
         let first = nats.covis_over(&by_link, &workspace, "a", &[]);

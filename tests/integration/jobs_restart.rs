@@ -8,7 +8,7 @@ use covis::wire::v1;
 use tonic::Code;
 use v1::JobState;
 
-use crate::cli_support::{Running, Workspace};
+use crate::cli_support::{Port, Running, Workspace};
 use crate::common::{TestServer, check_status, occupy, run};
 use crate::job_support::{
     BUNDLE, GRAPH, Jobs, export, optimize, solve, state_hash, twin, unsolved_map,
@@ -184,7 +184,7 @@ pub(crate) fn spawn(workspace: &Workspace, folder: &Path, fault: &str) -> Runnin
     if !fault.is_empty() {
         command.env("COVIS_TEST_FAULT", fault);
     }
-    Running::spawn(command, "127.0.0.1:0", folder, &[])
+    Running::spawn(command, Port::reserve(), folder, &[])
 }
 
 #[cfg(unix)]

@@ -18,7 +18,7 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
 use v1::map_service_client::MapServiceClient;
 
-use crate::cli_support::{Running, Workspace};
+use crate::cli_support::{Port, Running, Workspace};
 use crate::common::{Stream, TestServer, camera, check_retry, check_status, run};
 use crate::rpc_access::tokens_toml;
 
@@ -148,7 +148,7 @@ fn strangers_leave_descriptors_for_maps() {
     own.get_envs().for_each(|(name, _)| {
         command.env_remove(name);
     });
-    let server = Running::spawn(command, "127.0.0.1:0", &workspace.path("maps"), &[]);
+    let server = Running::spawn(command, Port::reserve(), &workspace.path("maps"), &[]);
     run(async {
         let address = server.url.strip_prefix("http://").unwrap();
         let mut strangers = Vec::new();

@@ -9,7 +9,7 @@ use covis::wire::v1;
 use super::nats::Nats;
 use super::streams::{lose_stream, messages, prove_one_writer};
 use super::{Robot, compact, keyframes};
-use crate::cli_support::{Running, Workspace};
+use crate::cli_support::{Port, Running, Workspace};
 use crate::common::{camera, run};
 use crate::durable::{long_keyframe, on_disk};
 
@@ -46,7 +46,6 @@ fn what_an_owner_has_on_its_disk_and_the_stream_lacks_is_put_back_where_nobody_w
     // A lease that does not end while NATS is away: the map takes changes as long as it lasts.
     let lease = ["--lease-seconds", "3600"];
     let mut server = nats.covis_over(&nats.urls(), &workspace, "a", &lease);
-    let address = server.url.strip_prefix("http://").unwrap().to_owned();
     run(async {
         let mut robot = Robot::new(&server.url).await;
         let last = robot.send(5).await;
@@ -67,7 +66,7 @@ fn what_an_owner_has_on_its_disk_and_the_stream_lacks_is_put_back_where_nobody_w
         server.kill();
         assert_eq!(on_disk(&folder, "house").await.keyframes().len(), 6);
         nats.restart();
-        server = nats.covis_at(&address, &workspace, "a");
+        server = nats.covis_at(&server.port, &workspace, "a");
         assert_eq!(keyframes(&server.url).await, (0..6).collect::<Vec<_>>());
         prove_one_writer(&messages(&nats.urls()).await);
     });
@@ -78,7 +77,6 @@ fn a_stream_that_nats_lost_is_written_again_from_the_disk_of_the_owner() {
     let Some(nats) = Nats::start(1, true) else { return };
     let workspace = Workspace::new();
     let mut server = nats.covis(&workspace, "a");
-    let address = server.url.strip_prefix("http://").unwrap().to_owned();
     run(async {
         let mut robot = Robot::new(&server.url).await;
         let last = robot.send(5).await;
@@ -86,12 +84,12 @@ fn a_stream_that_nats_lost_is_written_again_from_the_disk_of_the_owner() {
         drop(robot);
         server.kill();
         lose_stream(&nats.urls()).await;
-        server = nats.covis_at(&address, &workspace, "a");
+        server = nats.covis_at(&server.port, &workspace, "a");
         assert_eq!(keyframes(&server.url).await, (0..5).collect::<Vec<_>>());
         // The stream has it all again.
         server.kill();
         std::fs::remove_dir_all(workspace.path("a")).unwrap();
-        server = nats.covis_at(&address, &workspace, "a");
+        server = nats.covis_at(&server.port, &workspace, "a");
         assert_eq!(keyframes(&server.url).await, (0..5).collect::<Vec<_>>());
         prove_one_writer(&messages(&nats.urls()).await);
     });
@@ -103,7 +101,7 @@ fn a_map_of_a_data_directory_that_no_cluster_knows_is_set_aside_for_another_of_i
     let workspace = Workspace::new();
     let folder = workspace.path("a");
     run(async {
-        let mut alone = Running::spawn(workspace.command(), "127.0.0.1:0", &folder, &[]);
+        let mut alone = Running::spawn(workspace.command(), Port::reserve(), &folder, &[]);
         let client = Client::connect(&alone.url).await.unwrap();
         client.create_map("house", None).await.unwrap();
         let options = SessionOptions::default();
@@ -129,7 +127,6 @@ fn what_an_owner_has_behind_a_snapshot_is_put_back_where_nats_lost_the_stream() 
     let Some(nats) = Nats::start(1, true) else { return };
     let workspace = Workspace::new();
     let mut server = nats.covis(&workspace, "a");
-    let address = server.url.strip_prefix("http://").unwrap().to_owned();
     run(async {
         let mut robot = Robot::new(&server.url).await;
         let last = robot.send(5).await;
@@ -140,13 +137,13 @@ fn what_an_owner_has_behind_a_snapshot_is_put_back_where_nats_lost_the_stream() 
         drop(robot);
         server.kill();
         lose_stream(&nats.urls()).await;
-        server = nats.covis_at(&address, &workspace, "a");
+        server = nats.covis_at(&server.port, &workspace, "a");
         assert_eq!(keyframes(&server.url).await, (0..8).collect::<Vec<_>>());
         assert!(!workspace.path("a/set-aside").exists());
         // Snapshot and stream have it all again.
         server.kill();
         std::fs::remove_dir_all(workspace.path("a")).unwrap();
-        server = nats.covis_at(&address, &workspace, "a");
+        server = nats.covis_at(&server.port, &workspace, "a");
         assert_eq!(keyframes(&server.url).await, (0..8).collect::<Vec<_>>());
     });
 }
@@ -195,7 +192,6 @@ fn an_owner_that_comes_back_after_compactions_keeps_its_files() {
     let Some(nats) = Nats::start(1, true) else { return };
     let workspace = Workspace::new();
     let mut server = nats.covis(&workspace, "a");
-    let address = server.url.strip_prefix("http://").unwrap().to_owned();
     run(async {
         let mut robot = Robot::new(&server.url).await;
         // The stream has nothing left, then more than the journal, then events behind both.
@@ -209,7 +205,7 @@ fn an_owner_that_comes_back_after_compactions_keeps_its_files() {
             }
             server.kill();
             let folders = maps(&workspace);
-            server = nats.covis_at(&address, &workspace, "a");
+            server = nats.covis_at(&server.port, &workspace, "a");
             assert_eq!(keyframes(&server.url).await, (0..robot.sent).collect::<Vec<_>>());
             assert_eq!(maps(&workspace), folders, "round {round}: made anew");
             assert!(!workspace.path("a/set-aside").exists());

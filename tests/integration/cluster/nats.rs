@@ -1,13 +1,12 @@
 //! Real NATS servers on loopback ports, and servers of covis that share maps over them.
 
 use std::io::{BufRead, BufReader};
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use covis_solvers::testing::skip;
 
-use crate::cli_support::{Running, Workspace};
+use crate::cli_support::{Port, Running, Workspace};
 
 /// The program of NATS, or why there is none.
 fn program() -> Result<PathBuf, String> {
@@ -27,8 +26,10 @@ fn program() -> Result<PathBuf, String> {
 /// One NATS server: where it listens, and the process while it runs.
 pub(super) struct Node {
     config: PathBuf,
-    pub(super) port: u16,
-    monitoring: u16,
+    pub(super) port: Port,
+    monitoring: Port,
+    /// Where the others reach it.
+    _cluster: Port,
     process: Option<Child>,
 }
 
@@ -38,8 +39,11 @@ impl Node {
         command.arg("-c").arg(&self.config).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut process = command.spawn().unwrap();
         let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
-        let ready = lines.by_ref().map_while(Result::ok).any(|l| l.contains("Server is ready"));
-        assert!(ready, "nats-server ended: {}", self.config.display());
+        let mut said = Vec::new();
+        while said.last().is_none_or(|line: &String| !line.contains("Server is ready")) {
+            let Some(line) = lines.next() else { panic!("nats-server ended: {said:#?}") };
+            said.push(line.unwrap());
+        }
         // What it says from here on is read, so that it never waits for a reader.
         std::thread::spawn(move || lines.map_while(Result::ok).for_each(drop));
         self.process = Some(process);
@@ -86,29 +90,31 @@ impl Nats {
             }
         };
         let folder = tempfile::tempdir().unwrap();
-        let ports = free_ports(3 * count);
+        let cluster: Vec<_> = (0..count).map(|_| Port::reserve()).collect();
         let routes: Vec<String> =
-            ports[2 * count..].iter().map(|port| format!("nats://127.0.0.1:{port}")).collect();
-        let nodes = (0..count).map(|index| {
-            let (port, monitoring) = (ports[index], ports[count + index]);
+            cluster.iter().map(|port| format!("nats://127.0.0.1:{}", port.number)).collect();
+        let nodes = cluster.into_iter().enumerate().map(|(index, cluster)| {
+            let (port, monitoring) = (Port::reserve(), Port::reserve());
             let store = disk.unwrap_or(folder.path()).join(format!("node-{index}"));
             let sync = if syncs { "sync_interval: always" } else { "" };
             let mut text = format!(
-                "server_name: n{index}\nlisten: \"127.0.0.1:{port}\"\nhttp: \"127.0.0.1:{monitoring}\"\n\
+                "server_name: n{index}\nlisten: \"127.0.0.1:{}\"\nhttp: \"127.0.0.1:{}\"\n\
                  jetstream {{ store_dir: \"{}\", {sync} }}\n",
+                port.number,
+                monitoring.number,
                 store.display(),
             );
             if count > 1 {
                 // Clients are told of no other server, so that a test decides whom they reach.
                 text += &format!(
                     "cluster {{ name: c, listen: \"127.0.0.1:{}\", no_advertise: true, routes: [{}] }}\n",
-                    ports[2 * count + index],
+                    cluster.number,
                     routes.join(", "),
                 );
             }
             let config = folder.path().join(format!("node-{index}.conf"));
             std::fs::write(&config, text).unwrap();
-            Node { config, port, monitoring, process: None }
+            Node { config, port, monitoring, _cluster: cluster, process: None }
         });
         let mut nats = Self { program, nodes: nodes.collect(), _folder: folder };
         nats.restart();
@@ -129,15 +135,21 @@ impl Nats {
 
     /// All URLs, as `--nats` takes them.
     pub(super) fn urls(&self) -> String {
-        let urls: Vec<_> =
-            self.nodes.iter().map(|node| format!("nats://127.0.0.1:{}", node.port)).collect();
+        let urls: Vec<_> = self
+            .nodes
+            .iter()
+            .map(|node| format!("nats://127.0.0.1:{}", node.port.number))
+            .collect();
         urls.join(",")
     }
 
     /// All monitoring addresses, as `--nats-monitoring` takes them.
     pub(super) fn monitoring(&self) -> String {
-        let urls: Vec<_> =
-            self.nodes.iter().map(|node| format!("http://127.0.0.1:{}", node.monitoring)).collect();
+        let urls: Vec<_> = self
+            .nodes
+            .iter()
+            .map(|node| format!("http://127.0.0.1:{}", node.monitoring.number))
+            .collect();
         urls.join(",")
     }
 
@@ -146,9 +158,9 @@ impl Nats {
         self.covis_over(&self.urls(), workspace, name, &[])
     }
 
-    /// As [`Nats::covis`], on an address.
-    pub(super) fn covis_at(&self, address: &str, workspace: &Workspace, name: &str) -> Running {
-        self.start_covis(address, &self.urls(), workspace, name, &[])
+    /// As [`Nats::covis`], on the port of a server that has ended.
+    pub(super) fn covis_at(&self, port: &Port, workspace: &Workspace, name: &str) -> Running {
+        self.start_covis(port.clone(), &self.urls(), workspace, name, &[])
     }
 
     /// As [`Nats::covis`], by other URLs of NATS and with more arguments.
@@ -159,12 +171,12 @@ impl Nats {
         name: &str,
         arguments: &[&str],
     ) -> Running {
-        self.start_covis("127.0.0.1:0", urls, workspace, name, arguments)
+        self.start_covis(Port::reserve(), urls, workspace, name, arguments)
     }
 
     pub(super) fn start_covis(
         &self,
-        address: &str,
+        port: Port,
         urls: &str,
         workspace: &Workspace,
         name: &str,
@@ -178,12 +190,6 @@ impl Nats {
             all.extend(["--lease-seconds", "2"]);
         }
         all.extend(arguments);
-        Running::spawn(workspace.command(), address, &workspace.path(name), &all)
+        Running::spawn(workspace.command(), port, &workspace.path(name), &all)
     }
-}
-
-/// Ports that were free a moment ago.
-fn free_ports(count: usize) -> Vec<u16> {
-    let listeners: Vec<_> = (0..count).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
-    listeners.iter().map(|listener| listener.local_addr().unwrap().port()).collect()
 }

@@ -54,10 +54,10 @@ impl Site {
     /// All of them again, the owner where it was.
     fn restart(&mut self) {
         self.nats.restart();
-        let address = self.server.url.strip_prefix("http://").unwrap();
+        let port = self.server.port.clone();
         let urls = self.nats.urls();
         let (workspace, arguments) = (&self.workspace, self.arguments);
-        self.server = self.nats.start_covis(address, &urls, workspace, OWNER, arguments);
+        self.server = self.nats.start_covis(port, &urls, workspace, OWNER, arguments);
     }
 
     /// The keyframes that the owner has; none where it does not know the map.

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::model::{Disk, Survival};
 use super::trace::{Stage, library, play};
-use crate::cli_support::{Running, Workspace};
+use crate::cli_support::{Port, Running, Workspace};
 
 /// A data directory on a disk that forgets, and the servers that ran on it.
 pub(super) struct Machine {
@@ -66,7 +66,7 @@ impl Machine {
             .env("COVIS_TEST_DISK_ROOT", &self.folder)
             .env("COVIS_TEST_DISK_TRACE", &trace)
             .env("COVIS_TEST_DISK_STAGE", self.workspace.path("stage"));
-        let running = Running::spawn(command, "127.0.0.1:0", &self.folder, &[]);
+        let running = Running::spawn(command, Port::reserve(), &self.folder, &[]);
         self.trace = Some(trace);
         running
     }
