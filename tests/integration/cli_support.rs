@@ -109,8 +109,8 @@ impl Ran {
 
 /// A port of 127.0.0.1 for a server that a test starts, and may start again.
 ///
-/// Linux gives a port that a socket is bound to, though nobody listens there, to no other process that
-/// asks for any port. Who asks for this one gets it.
+/// On Linux a bound socket that does not listen keeps its port: a process that asks for any free port
+/// gets another one, and a server that asks for this number gets it.
 #[derive(Clone)]
 pub(crate) struct Port {
     pub(crate) number: u16,

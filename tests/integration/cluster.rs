@@ -256,8 +256,8 @@ fn no_acknowledged_keyframe_is_lost_when_the_owner_is_killed() {
             assert!(acknowledged <= robot.durable());
             // The server that was killed comes back where it was.
             let name = ["a", "b"][1 - owner];
-            let killed = &servers[1 - owner].port;
-            servers[1 - owner] = nats.covis_at(killed, &workspace, name);
+            let port = servers[1 - owner].port.clone();
+            servers[1 - owner] = nats.covis_at(&port, &workspace, name);
         }
         let owners = prove_one_writer(&messages(&nats.urls()).await);
         assert_eq!(owners, rounds() + 1);
