@@ -11,7 +11,16 @@ use crate::store::StoreError;
 /// Held as long as the store is open.
 #[derive(Debug)]
 pub(super) struct DirectoryLock {
-    _file: fs_err::File,
+    file: fs_err::File,
+}
+
+impl Drop for DirectoryLock {
+    /// A process that is just being started holds a copy of the file until it runs its program, and the
+    /// system keeps the lock with the copy: so it is given up, not only closed.
+    fn drop(&mut self) {
+        // Where this fails, the lock goes with the last copy.
+        let _unlocked = self.file.file().unlock();
+    }
 }
 
 impl DirectoryLock {
@@ -39,6 +48,22 @@ impl DirectoryLock {
         }
         // The process id is only for people; the system keeps the lock itself.
         file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id())).map_err(failed)?;
-        Ok(Self { _file: file })
+        Ok(Self { file })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::DirectoryLock;
+
+    #[test]
+    fn a_directory_is_free_although_a_process_that_starts_has_a_copy_of_its_lock() {
+        let directory = tempfile::tempdir().unwrap();
+        let lock = DirectoryLock::take(directory.path()).unwrap();
+        let copy = lock.file.file().try_clone().unwrap();
+        DirectoryLock::take(directory.path()).unwrap_err();
+        drop(lock);
+        DirectoryLock::take(directory.path()).unwrap();
+        drop(copy);
     }
 }
