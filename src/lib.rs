@@ -1,8 +1,8 @@
 //! covis: an optimization-centric SLAM backend service.
 //!
 //! Frontends stream keyframes over gRPC, covis keeps the map, refines it and pushes corrections
-//! back. `ARCHITECTURE.md` says how it is built. The modules, lowest first; three are crates of their
-//! own, and the mathematics is a fourth, `covis_solvers`:
+//! back. `ARCHITECTURE.md` says how it is built. The modules, lowest first; some are of crates
+//! of their own (`covis_map`, `covis_client`, `covis_frontend`), and the mathematics is `covis_solvers`:
 //!
 //! | module | role |
 //! |---|---|
@@ -25,10 +25,7 @@ pub mod evaluation;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzzing;
-pub mod loop_closing;
-pub mod map;
 pub mod meter;
-pub mod place;
 pub mod report;
 pub mod service;
 #[cfg(test)]
@@ -40,3 +37,5 @@ pub use covis_client as client;
 pub(crate) use covis_client::decoding;
 pub use covis_client::wire;
 pub use covis_frontend as frontend;
+pub use covis_map as map;
+pub use covis_map::{loop_closing, place};

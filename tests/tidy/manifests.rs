@@ -68,10 +68,24 @@ fn no_version_is_listed_in_vain() {
 }
 
 #[test]
-fn solvers_client_and_frontend_stand_without_the_server() {
-    let walls: [(&str, &[&str]); 3] = [
+fn the_crates_below_stand_without_the_server() {
+    let walls: [(&str, &[&str]); 4] = [
         (
             "solvers/Cargo.toml",
+            &[
+                "tokio",
+                "tonic",
+                "prost",
+                "async",
+                "futures",
+                "covis ",
+                "covis-client",
+                "covis-front",
+                "covis-map",
+            ],
+        ),
+        (
+            "map/Cargo.toml",
             &[
                 "tokio",
                 "tonic",
@@ -84,7 +98,7 @@ fn solvers_client_and_frontend_stand_without_the_server() {
             ],
         ),
         ("client/Cargo.toml", &["covis", "faer", "nalgebra", "rayon"]),
-        ("frontend/Cargo.toml", &["tonic", "covis "]),
+        ("frontend/Cargo.toml", &["tonic", "covis ", "covis-map"]),
     ];
     let mut offenders = Vec::new();
     for manifest in manifests() {
@@ -120,6 +134,7 @@ fn integration_tests_are_one_binary() {
     for (folder, manifest) in [
         ("client/tests/", "client/Cargo.toml"),
         ("frontend/tests/", "frontend/Cargo.toml"),
+        ("map/tests/", "map/Cargo.toml"),
         ("solvers/tests/", "solvers/Cargo.toml"),
         ("tests/", "Cargo.toml"),
     ] {

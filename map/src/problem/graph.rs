@@ -27,8 +27,8 @@ use covis_solvers::robust::{VarianceFactors, variance_factors};
 use nalgebra::Vector6;
 
 use super::{ClosureEdge, GraphProblem, priors};
-use crate::map::keyframe_pairs::odometry;
-use crate::map::{ClientIndex, Constraint, ConstraintKind, EntityId, Gauge, GraphPairs, Map};
+use crate::keyframe_pairs::odometry;
+use crate::{ClientIndex, Constraint, ConstraintKind, EntityId, Gauge, GraphPairs, Map};
 
 /// Translation error over distance.
 const DISTANCE_SHARE: f64 = 0.02;

@@ -4,7 +4,10 @@
 //! [`Map::check`] turns a client's [`Item`] into a [`Change`] or refuses it with the fields' names;
 //! `problem` is the only place that turns a map into a solver problem, and `applied` turns the result
 //! of a solve into a change. No solve runs here and nothing here is asynchronous: no tokio, tonic or
-//! prost.
+//! prost, no clock and no files.
+//!
+//! Above the map stand [`place`], which finds the keyframes that may show a place, and
+//! [`loop_closing`], which decides whether they do.
 
 use std::collections::BTreeMap;
 
@@ -24,12 +27,14 @@ mod hash;
 mod ids;
 mod item;
 mod keyframe_pairs;
+pub mod loop_closing;
 mod merging;
 mod numbers;
 mod observations;
 mod observers;
 mod parts;
 mod pending_solve;
+pub mod place;
 mod place_searches;
 mod policy;
 pub mod problem;
@@ -46,9 +51,6 @@ mod window;
 
 pub use affected::{Affected, affected};
 pub use applied::{Solved, applied};
-#[cfg(test)]
-pub(crate) use usage::INDEXED_KEYFRAME;
-
 pub use covisibility::Covisibility;
 pub use digest::Content;
 pub use duplicates::{Comparison, DuplicatePair, Duplicates, find_duplicates};
@@ -62,7 +64,7 @@ pub use event::{
     AppliedSolve, Cause, Change, Event, LastRequest, NewLandmark, RequestId, Retired, SolveKind,
 };
 pub use ids::{ClientIndex, EntityId};
-pub(crate) use item::is_valid_camera;
+pub use item::is_valid_camera;
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place};
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
 pub use merging::{Link, Merge, MergeError, MergedClient, MergedMap};
@@ -82,7 +84,7 @@ pub use shared_map::SharedMap;
 pub use surroundings::{Surroundings, likeness};
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
-pub use usage::{Counted, Counts, Exceeded, MapLimits, Usage};
+pub use usage::{Counted, Counts, Exceeded, INDEXED_KEYFRAME, MapLimits, Usage};
 pub use window::{Window, choose_window};
 
 /// Whether the map already has the content of an item of a stream.

@@ -15,8 +15,8 @@ use covis_solvers::problem::{BundleProblem, DisjointSets};
 use covis_solvers::robust::default_threshold;
 
 use super::{GlobalOptions, MapProblem};
-use crate::map::window::is_usable;
-use crate::map::{ConstraintKind, Depth, EntityId, Gauge, Keyframe, Map, Prior, Window};
+use crate::window::is_usable;
+use crate::{ConstraintKind, Depth, EntityId, Gauge, Keyframe, Map, Prior, Window};
 
 /// With fewer observations and no other measurement a pose is held constant: three points fix six
 /// unknowns.

@@ -9,7 +9,7 @@ use covis_solvers::geometry::Se3;
 use covis_solvers::problem::{DisjointSets, PoseGraph};
 
 use super::JudgedPosition;
-use crate::map::{Gauge, GraphPairs, Map, Prior};
+use crate::{Gauge, GraphPairs, Map, Prior};
 
 /// Adds the priors of `map` to its graph, and holds the lowest keyframe of each piece that `gauge`
 /// wants held. Returns the position priors in their order in the graph.

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::map::ClientIndex;
+use crate::ClientIndex;
 
 /// One of 12 descriptors with up to three bits changed: keyframes have many in common, and others that
 /// are two or three bits apart.

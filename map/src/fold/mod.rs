@@ -41,7 +41,7 @@ impl Map {
     }
 
     /// Applies one event that [`Map::fits`] found to fit this map.
-    pub(crate) fn fold(&mut self, event: &Event) {
+    pub fn fold(&mut self, event: &Event) {
         self.parts.revision = event.revision;
         // An event without a recorded time is no older than the previous one.
         self.parts.update_time_ns = self.parts.update_time_ns.max(event.time_ns);

@@ -3,7 +3,7 @@
 //! An index over the binary descriptors of keyframes, without a vocabulary: keyframes are added, removed
 //! and asked for, in any order. Descriptors of different types (name and length) are not compared. An answer
 //! is a function of the calls so far: no clock, no threads, no random numbers. [Decision
-//! 0023](../../docs/decisions/0023-place-recognition.md) has the choice and its figures.
+//! 0023](../../../docs/decisions/0023-place-recognition.md) has the choice and its figures.
 //!
 //! Whether a candidate is a loop is not decided here: its matches are where a geometric verification
 //! begins. Knows ids of the map and nothing else of it.
@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 
 use thiserror::Error;
 
-use crate::map::{ClientIndex, EntityId};
+use crate::{ClientIndex, EntityId};
 use descriptor_index::{DescriptorIndex, KEYFRAMES, VOTERS};
 use whole_images::WholeImages;
 

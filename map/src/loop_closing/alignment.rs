@@ -7,7 +7,7 @@
 //!
 //! A source that measures no lengths has a unit of its own. There each place says also how long it is, by
 //! the landmarks that both maps have of it ([`similarity`]), and two places agree in it too
-//! ([decision 0034](../../docs/decisions/0034-merging-maps-without-scale.md)).
+//! ([decision 0034](../../../docs/decisions/0034-merging-maps-without-scale.md)).
 
 use std::collections::BTreeMap;
 
@@ -18,8 +18,8 @@ use covis_solvers::similarity::{self, Pair};
 
 use super::path::{DRIFT, LEAST, TURN_BY_LENGTH};
 use super::{Located, View, locate};
-use crate::map::{EntityId, Keyframe, Landmark, Link, Map, Surroundings};
 use crate::place::{Candidate, PlaceError};
+use crate::{EntityId, Keyframe, Landmark, Link, Map, Surroundings};
 
 /// Least number of places that agree: with two, one may be the twin of the other's neighbor.
 const LEAST_AGREEING: usize = 3;

@@ -16,7 +16,7 @@ use covis_solvers::information::Covariance;
 use covis_solvers::interrupt::Interrupt;
 use nalgebra::Matrix6;
 
-use crate::map::{EntityId, Map, near_pairs};
+use crate::{EntityId, Map, near_pairs};
 
 /// Drift of the position by the length of the way, where keyframes measure depth: several times what
 /// visual odometry reaches (0.5 to 1 % in the KITTI benchmark), and what handheld cameras that shake do.

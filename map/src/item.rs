@@ -152,7 +152,7 @@ pub enum Item {
 
 impl Item {
     /// Gives other names to the clients that references name.
-    pub(crate) fn rename_clients(&mut self, new_names: &BTreeMap<String, String>) {
+    pub fn rename_clients(&mut self, new_names: &BTreeMap<String, String>) {
         let rename = |reference: &mut EntityRef| {
             if let Some(name) = &mut reference.client
                 && let Some(new) = new_names.get(name)
@@ -182,7 +182,7 @@ impl Item {
 }
 
 /// Whether a camera's numbers are finite and its focal lengths positive.
-pub(crate) fn is_valid_camera(camera: &Camera) -> bool {
+pub fn is_valid_camera(camera: &Camera) -> bool {
     let focal_lengths = if matches!(camera, Camera::Snavely(_)) { 1 } else { 2 };
     let parameters = camera.parameters();
     camera.is_finite() && parameters.iter().take(focal_lengths).all(|&f| f > 0.0)

@@ -4,9 +4,7 @@
 //! measured in it; the first observation that contradicts is named. Nothing is changed here.
 
 use super::{Check, far_outside, is_projected, repeated};
-use crate::map::{
-    CameraEntity, Change, Constraint, Edit, EntityId, EntityRef, Map, Reason, Sighting,
-};
+use crate::{CameraEntity, Change, Constraint, Edit, EntityId, EntityRef, Map, Reason, Sighting};
 
 impl Check<'_> {
     /// Whether the map is already as the edit asks. What was removed is not remembered: a removal is

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use super::islands::REACH;
 use super::{Feature, MAX_DESCRIPTOR_TYPES, PlaceError};
-use crate::map::EntityId;
+use crate::EntityId;
 
 /// What described an image: a name and how many numbers it gives.
 type Kind = (Arc<str>, usize);
@@ -162,7 +162,7 @@ impl WholeImages {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::ClientIndex;
+    use crate::ClientIndex;
 
     fn bytes(numbers: &[f32]) -> Vec<u8> {
         numbers.iter().flat_map(|number| number.to_le_bytes()).collect()

@@ -11,8 +11,8 @@ use covis_solvers::information::Information;
 use nalgebra::Vector3;
 
 use super::Check;
-use crate::map::numbers::is_finite;
-use crate::map::{Depth, ItemObservation, NewLandmark, Reason, scaling};
+use crate::numbers::is_finite;
+use crate::{Depth, ItemObservation, NewLandmark, Reason, scaling};
 
 const OVERFLOWS: &str = "it is out of range in the map's unit of length";
 

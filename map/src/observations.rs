@@ -75,7 +75,7 @@ mod tests {
     use nalgebra::Vector2;
 
     use super::*;
-    use crate::map::ClientIndex;
+    use crate::ClientIndex;
 
     #[test]
     fn a_landmark_is_found_where_it_was_first_seen() {

@@ -10,7 +10,7 @@ use super::super::{
 };
 
 /// New ids for old ones.
-pub(in crate::map) struct Renaming<'a> {
+pub(crate) struct Renaming<'a> {
     /// The new position of each client.
     clients: &'a [ClientIndex],
     /// The new ids of the server's own constraints and priors, whose numbers count revisions of a map
@@ -21,7 +21,7 @@ pub(in crate::map) struct Renaming<'a> {
 impl<'a> Renaming<'a> {
     /// `clients` has the new position of each client of `parts`. The server's own constraints get the
     /// lowest numbers, which no revision reaches.
-    pub(in crate::map) fn new(parts: &MapParts, clients: &'a [ClientIndex]) -> Self {
+    pub(crate) fn new(parts: &MapParts, clients: &'a [ClientIndex]) -> Self {
         let mut counts: BTreeMap<ClientIndex, i64> = BTreeMap::new();
         let mut own: Vec<EntityId> =
             parts.constraints.keys().chain(parts.priors.keys()).copied().collect();
@@ -36,7 +36,7 @@ impl<'a> Renaming<'a> {
     }
 
     /// `clients` has the new position of each client; the numbers stay.
-    pub(in crate::map) fn of_clients(clients: &'a [ClientIndex]) -> Self {
+    pub(crate) fn of_clients(clients: &'a [ClientIndex]) -> Self {
         Self { clients, own: BTreeMap::new() }
     }
 
@@ -45,7 +45,7 @@ impl<'a> Renaming<'a> {
     }
 
     /// The new id of a camera, keyframe or landmark.
-    pub(in crate::map) fn entity(&self, id: EntityId) -> EntityId {
+    pub(crate) fn entity(&self, id: EntityId) -> EntityId {
         EntityId { client: self.client(id.client), ..id }
     }
 
@@ -113,7 +113,7 @@ impl<'a> Renaming<'a> {
     }
 
     /// The parts under their new ids. The clients stay in their list; the scalars stay as they are.
-    pub(in crate::map) fn apply(&self, parts: MapParts) -> MapParts {
+    pub(crate) fn apply(&self, parts: MapParts) -> MapParts {
         let PlaceSearches { pending, done, unsolved } = &parts.place_searches;
         let done = done.iter().map(|(&id, search)| (self.entity(id), self.search(search)));
         let place_searches = PlaceSearches {

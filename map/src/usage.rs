@@ -216,7 +216,7 @@ const ITEM: u64 = (3 * (size_of::<i64>() + size_of::<Digest>()) / 2) as u64;
 /// and of each of two tables an entry in a bucket that is full beside others that are empty.
 const INDEXED: u64 = 48;
 /// What it takes for a keyframe.
-pub(crate) const INDEXED_KEYFRAME: u64 = 240;
+pub const INDEXED_KEYFRAME: u64 = 240;
 
 /// Memory of the descriptors of `observations`. The index of places counts whether or not the policy
 /// wants one: it can be switched on at any time.

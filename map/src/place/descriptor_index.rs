@@ -13,7 +13,7 @@ use super::buckets::{Buckets, Entry};
 use super::hamming::{self, Kernel, distance};
 use super::islands::{Island, islands};
 use super::matching::Matching;
-use crate::map::EntityId;
+use crate::EntityId;
 
 /// Share of different bits up to which two descriptors may be of one point. Two views of a point differ
 /// in a tenth to a third of their bits; of two unrelated descriptors of 256 bits one pair in a million is

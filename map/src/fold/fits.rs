@@ -1,7 +1,7 @@
 //! Whether an event fits the map, checked in full before anything changes.
 //!
 //! These checks guard the journal, not the clients: an event that was made by
-//! [`Map::check`](crate::map::Map::check) or by a solve passes them. They prevent a damaged journal
+//! [`Map::check`](crate::Map::check) or by a solve passes them. They prevent a damaged journal
 //! from becoming a damaged map.
 
 use std::collections::BTreeSet;
@@ -17,7 +17,12 @@ use super::super::{
 };
 
 impl Map {
-    pub(crate) fn fits(&self, event: &Event) -> Result<(), MapError> {
+    /// Whether [`Map::fold`] may add an event: it is the next one, what it names exists, and its numbers are
+    /// possible.
+    ///
+    /// # Errors
+    /// [`MapError`], with what does not fit.
+    pub fn fits(&self, event: &Event) -> Result<(), MapError> {
         let check = Fit { map: self, revision: event.revision };
         if self.revision().checked_add(1) != Some(event.revision) {
             let expected = self.revision().saturating_add(1);

@@ -40,17 +40,17 @@ impl EntityId {
     pub(super) const MAX: Self = Self { client: ClientIndex(u32::MAX), id: i64::MAX };
 
     /// Number of ids of the server's own constraints for each revision; they are below zero.
-    pub(crate) const OWN_PER_REVISION: usize = 4096;
+    pub const OWN_PER_REVISION: usize = 4096;
 
     /// The id of the server's own constraint `number`, below [`EntityId::OWN_PER_REVISION`], of those that
     /// it adds to a client's keyframes with the event that makes `revision`.
-    pub(crate) fn own(client: ClientIndex, revision: i64, number: usize) -> Self {
+    pub fn own(client: ClientIndex, revision: i64, number: usize) -> Self {
         let first = revision.saturating_mul(-(Self::OWN_PER_REVISION as i64));
         Self { client, id: first.saturating_add_unsigned(number as u64) }
     }
 
     /// Whether it names a constraint of the server's own.
-    pub(crate) fn is_own(&self) -> bool {
+    pub fn is_own(&self) -> bool {
         self.id < 0
     }
 

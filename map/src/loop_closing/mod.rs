@@ -3,7 +3,7 @@
 //! Between the index of places ([`crate::place`]), the map and the geometric verification of
 //! `covis-solvers`: a view's descriptors go to the index, what it finds is verified against the landmarks
 //! around each candidate, and the first one that holds is the place. A verdict is a function of map,
-//! view and candidates. [Decision 0025](../../docs/decisions/0025-closing-loops.md) says what is believed
+//! view and candidates. [Decision 0025](../../../docs/decisions/0025-closing-loops.md) says what is believed
 //! of the odometry. No async and no clock; nothing is changed here.
 
 mod alignment;
@@ -21,11 +21,11 @@ use covis_solvers::relative_motion::PointEstimate;
 
 pub use alignment::{Alignment, NotAligned, align};
 
-use crate::map::{
+use crate::place::{self, Candidate, DESCRIPTOR_BYTES, PlaceError};
+use crate::{
     Constraint, ConstraintKind, Descriptor, DescriptorKind, EntityId, Keyframe, Map, Observation,
     PlaceCandidate, PlaceRefusal, PlaceSearch, Surroundings, likeness,
 };
-use crate::place::{self, Candidate, DESCRIPTOR_BYTES, PlaceError};
 
 /// Keyframes of a client before another one that are not candidates: it has hardly left their place.
 const RECENT: usize = 10;
