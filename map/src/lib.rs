@@ -64,8 +64,9 @@ pub use event::{
     AppliedSolve, Cause, Change, Event, LastRequest, NewLandmark, RequestId, Retired, SolveKind,
 };
 pub use ids::{ClientIndex, EntityId};
-pub use item::is_valid_camera;
-pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place};
+pub use item::{
+    EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place, is_valid_camera,
+};
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
 pub use merging::{Link, Merge, MergeError, MergedClient, MergedMap};
 pub use observations::Observations;

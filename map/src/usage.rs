@@ -215,7 +215,7 @@ const ITEM: u64 = (3 * (size_of::<i64>() + size_of::<Digest>()) / 2) as u64;
 /// What the index of places takes for a binary descriptor besides a copy of its bits, at most: its number,
 /// and of each of two tables an entry in a bucket that is full beside others that are empty.
 const INDEXED: u64 = 48;
-/// What it takes for a keyframe.
+/// Bytes that the index of places takes for a keyframe, at most.
 pub const INDEXED_KEYFRAME: u64 = 240;
 
 /// Memory of the descriptors of `observations`. The index of places counts whether or not the policy
