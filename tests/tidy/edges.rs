@@ -91,7 +91,7 @@ const ROOMS: [Room; 22] = [
         why: "a server does not know the frontend",
     },
     Room {
-        rooms: &["src", "client", "frontend"],
+        rooms: &["src", "client", "frontend", "map"],
         except: &["src/service/telemetry", "src/cli/spans", "src/simulation"],
         forbidden: &["hyper*", "opentelemetry*", "tracing_opentelemetry"],
         // Bodies of requests are the transport's.
@@ -144,7 +144,7 @@ const ROOMS: [Room; 22] = [
         why: "how events and maps are encoded is known in one place",
     },
     Room {
-        rooms: &["src", "client", "frontend"],
+        rooms: &["src", "client", "frontend", "map"],
         except: &["src/store/replicated"],
         forbidden: &["async_nats*"],
         but: &[],
