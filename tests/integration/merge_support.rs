@@ -8,6 +8,8 @@ use std::path::Path;
 use covis::client::RetryPolicy;
 use covis::wire::v1;
 use covis_solvers::geometry::{LieGroup, Se3};
+use v1::ingest_request::Item;
+use v1::ingest_response::Event;
 
 use crate::common::{Stream, TestServer};
 use crate::made_sequence::{Course, Made};
@@ -58,6 +60,22 @@ pub(crate) async fn walk(server: &TestServer, map: &str, client: &str, sequence:
     for ack in stream.finish().await.unwrap() {
         assert!(ack.violations.is_empty(), "{ack:?}");
     }
+}
+
+/// Waits until all that the items of a map started is done. Before its searches ended, a map with no
+/// adjustment due may still find a closure and be adjusted after it. In lock-step a stream ends after all
+/// of that; the client must have no other one.
+pub(crate) async fn all_done(server: &TestServer, map: &str, client: &str) {
+    let mut stream = Stream::connect(server).await;
+    let open = v1::IngestOpen {
+        map_id: map.to_owned(),
+        client_id: client.to_owned(),
+        options: Some(v1::IngestOptions { lock_step: true, ..Default::default() }),
+        ..Default::default()
+    };
+    stream.send(0, Item::Open(open)).await;
+    assert!(matches!(stream.event().await.unwrap(), Event::Opened(_)));
+    assert_eq!(stream.finish().await.unwrap(), []);
 }
 
 /// The poses of a map by client and id.

@@ -12,7 +12,9 @@ use tonic::Code;
 use crate::common::{
     Stream, TestServer, check_field, check_status, keyframe, keyframe_position, run, shift,
 };
-use crate::merge_support::{copy, get, merge, on_disk, poses, quickly, robot, walk, walker};
+use crate::merge_support::{
+    all_done, copy, get, merge, on_disk, poses, quickly, robot, walk, walker,
+};
 use crate::sequence::{Sequence, adjusted};
 
 /// How far the frames of the robots are from each other, m: the largest root mean square of the others'
@@ -132,27 +134,11 @@ fn eight_robots_that_write_one_map_from_eight_starts_find_each_other() {
             async move { walk(server, "floor", &robot(number), walked).await }
         });
         futures_util::future::join_all(writes).await;
-        settled(&server, "floor").await;
+        all_done(&server, "floor", &robot(0)).await;
         let error = between_frames(&server, "floor", &walks).await;
         println!("eight robots in one map: at most {error:.4} m between their frames");
         assert!(error <= 0.03, "{error} m");
     });
-}
-
-/// Waits until every place is searched and the map is adjusted: an optimization on request comes last.
-async fn settled(server: &TestServer, map: &str) {
-    loop {
-        let request = v1::ListPlaceSearchesRequest { map_id: map.to_owned(), ..Default::default() };
-        let mut stream = server.maps().list_place_searches(request).await.unwrap().into_inner();
-        let mut searched = 0;
-        while let Some(part) = stream.message().await.unwrap() {
-            searched += part.searches.len() as i64;
-        }
-        adjusted(server, map).await;
-        if searched == get(server, map).await.counts.unwrap().keyframe_count {
-            return;
-        }
-    }
 }
 
 #[test]

@@ -15,10 +15,10 @@ use v1::ingest_request::Item;
 use crate::common::{TestServer, check_field, check_status, run, shift};
 use crate::made_sequence::{Course, Made};
 use crate::merge_support::{
-    POINTS, copy, get, merge, poses, quickly, ring, robot, walk, walk_in, walker,
+    POINTS, all_done, copy, get, merge, poses, quickly, ring, robot, walk, walk_in, walker,
 };
 use crate::rpc_places::{around, twins};
-use crate::sequence::{Order, Sequence, adjusted, items, pose, transform};
+use crate::sequence::{Order, Sequence, items, pose, transform};
 
 /// What a camera without depth makes of a sequence: its meter has `unit` of its lengths.
 fn monocular(mut made: Made, unit: f64) -> Made {
@@ -190,7 +190,7 @@ async fn merged_with(host: &Made) {
     let (frame, told) = at_work.told(|scale| scale != 1.0).await;
     assert_eq!(told, merged.scale);
     at_work.send(&items[then..last], Some(&frame)).await;
-    adjusted(&server, "run-0").await;
+    all_done(&server, "run-0", &robot(0)).await;
     let [own, other] = errors(&server, "run-0", [host, &guest]).await;
     println!("landmarks: {:.1} mm of the host, {:.1} mm of the guest", 1e3 * own, 1e3 * other);
     assert!(own < 1.2 * alone && other < 1.2 * alone, "{own} {other} of {alone} m");
