@@ -38,9 +38,11 @@ pub struct PairLinearization<const N: usize> {
     pub d_j: SMatrix<f64, N, N>,
 }
 
+// Costs of large graphs are sums over these: as calls that are not inlined they take twice as long.
 impl<G: LieGroup<N>, const N: usize> RelativePose<G, N> {
     /// The residual, not whitened.
     #[must_use]
+    #[inline(always)]
     pub fn residual(&self, world_from_i: &G, world_from_j: &G) -> SVector<f64, N> {
         let i_from_j = world_from_i.inverse().compose(world_from_j);
         self.i_from_j.inverse().compose(&i_from_j).log()
@@ -48,11 +50,13 @@ impl<G: LieGroup<N>, const N: usize> RelativePose<G, N> {
 
     /// χ² = rᵀΩr.
     #[must_use]
+    #[inline(always)]
     pub fn chi2(&self, world_from_i: &G, world_from_j: &G) -> f64 {
         self.information.squared_norm(&self.residual(world_from_i, world_from_j))
     }
 
     /// ρ(rᵀΩr) at the poses that its indices name; `loss` is the batch's.
+    #[inline(always)]
     pub(crate) fn rho(&self, poses: &[G], loss: Loss) -> f64 {
         self.loss.unwrap_or(loss).evaluate(self.chi2(&poses[self.i], &poses[self.j])).rho
     }
