@@ -1,17 +1,19 @@
 //! Loops over coarse pieces of work on the thread pool that the caller runs in.
 //!
 //! One loop of rayon, compiled once: a loop of its own at each place was a tenth of the crate's code.
-//! A piece costs an allocation, so it should be worth a microsecond at least. Pieces are cut by the
+//! A piece costs a tenth of a microsecond, so it should be worth some of them. Pieces are cut by the
 //! caller and results keep their order, so that sums do not depend on the number of threads.
+
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-type Task<'a> = Box<dyn FnOnce() + Send + 'a>;
-
 /// `work` for each item, in any order and several at a time.
 pub(crate) fn for_each<T: Send>(items: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
-    let work = &work;
-    run(items.map(|item| Box::new(move || work(item)) as Task<'_>).collect());
+    let items: Vec<_> = items.map(|item| Mutex::new(Some(item))).collect();
+    // Nobody else has the lock: it moves the item to the task that takes it.
+    let take = |k: usize| items[k].lock().unwrap_or_else(PoisonError::into_inner).take();
+    run(items.len(), &|k| take(k).into_iter().for_each(&work));
 }
 
 /// What `work` gives for each item, in the order of the items.
@@ -41,6 +43,12 @@ pub(crate) fn map_in_runs<T: Sync, R: Clone + Send>(
     results
 }
 
-fn run(tasks: Vec<Task<'_>>) {
-    tasks.into_par_iter().with_max_len(1).for_each(|task| task());
+fn run(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    let threads = rayon::current_num_threads();
+    if threads == 1 || count == 1 {
+        return (0..count).for_each(work);
+    }
+    // Several pieces a thread, so that all end at about the same time.
+    let most = (count / (8 * threads)).max(1);
+    (0..count).into_par_iter().with_max_len(most).for_each(work);
 }

@@ -7,7 +7,7 @@
 
 use nalgebra::{SMatrix, SMatrixViewMut, SVector};
 
-use crate::factors::{FACTORS_PER_CHUNK, FACTORS_PER_QUESTION, RelativePose};
+use crate::factors::{FACTORS_PER_QUESTION, RelativePose};
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut, PairTerm};
@@ -39,32 +39,47 @@ fn linearize_edge<G: LieGroup<N>, const N: usize>(
     let omega_d_i = omega * pair.d_i * loss.weight;
     let omega_d_j = omega * pair.d_j * loss.weight;
     term.cost = 0.5 * loss.rho;
-    pair.d_i.tr_mul_to(&omega_d_i, &mut term.h_ii);
-    pair.d_i.tr_mul_to(&omega_d_j, &mut term.h_ij);
-    pair.d_j.tr_mul_to(&omega_d_j, &mut term.h_jj);
-    omega_d_i.tr_mul_to(&pair.residual, &mut term.g_i);
-    omega_d_j.tr_mul_to(&pair.residual, &mut term.g_j);
+    term.h_ii = pair.d_i.tr_mul(&omega_d_i);
+    term.h_ij = pair.d_i.tr_mul(&omega_d_j);
+    term.h_jj = pair.d_j.tr_mul(&omega_d_j);
+    term.g_i = omega_d_i.tr_mul(&pair.residual);
+    term.g_j = omega_d_j.tr_mul(&pair.residual);
 }
 
-/// Linearizes every edge into `blocks`, which has one entry an edge afterwards. Once `interrupt` is due
-/// the rest are zero.
-pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
-    edges: &[RelativePose<G, N>],
-    poses: &[G],
-    loss: Loss,
-    interrupt: &Interrupt,
-    blocks: &mut Vec<PairTerm<N>>,
-) {
-    blocks.resize(edges.len(), PairTerm::zeros());
-    let runs = edges.chunks(FACTORS_PER_CHUNK).zip(blocks.chunks_mut(FACTORS_PER_CHUNK));
-    parallel::for_each(runs, |(edges, blocks)| {
-        if interrupt.is_due() {
-            return blocks.fill(PairTerm::zeros());
-        }
-        for (edge, block) in edges.iter().zip(blocks) {
-            linearize_edge(edge, (&poses[edge.i], &poses[edge.j]), loss, block);
-        }
-    });
+/// Edges that a task linearizes: few, so that threads end at about the same time in small graphs.
+const EDGES_PER_TASK: usize = 32;
+
+/// What each edge adds, a list for each [`EDGES_PER_TASK`] edges.
+#[derive(Debug, Default)]
+pub(super) struct EdgeTerms<const N: usize>(Vec<Vec<PairTerm<N>>>);
+
+impl<const N: usize> EdgeTerms<N> {
+    /// Linearizes every edge. Once `interrupt` is due the rest are left zero: what is made of it is not
+    /// used.
+    pub(super) fn linearize<G: LieGroup<N>>(
+        &mut self,
+        edges: &[RelativePose<G, N>],
+        poses: &[G],
+        loss: Loss,
+        interrupt: &Interrupt,
+    ) {
+        self.0.resize(edges.len().div_ceil(EDGES_PER_TASK), Vec::new());
+        let runs = edges.chunks(EDGES_PER_TASK).zip(&mut self.0);
+        parallel::for_each(runs, |(edges, terms)| {
+            // The first time: by the task that writes them next, while they are in its cache.
+            terms.resize(edges.len(), PairTerm::zeros());
+            if interrupt.is_due() {
+                return terms.fill(PairTerm::zeros());
+            }
+            for (edge, term) in edges.iter().zip(terms) {
+                linearize_edge(edge, (&poses[edge.i], &poses[edge.j]), loss, term);
+            }
+        });
+    }
+
+    fn of(&self, edge: usize) -> &PairTerm<N> {
+        &self.0[edge / EDGES_PER_TASK][edge % EDGES_PER_TASK]
+    }
 }
 
 /// An edge as the row of one of its poses sees it.
@@ -109,10 +124,10 @@ impl Incidences {
         Self(Lists::counted(counts, incidences))
     }
 
-    /// Sums `blocks`, one an edge, into H and g. Once `interrupt` is due the rest stay as they are.
+    /// Sums the terms of the edges into H and g. Once `interrupt` is due the rest stay as they are.
     pub(super) fn assemble<const N: usize>(
         &self,
-        blocks: &[PairTerm<N>],
+        terms: &EdgeTerms<N>,
         interrupt: &Interrupt,
         hessian: &mut BlockMatrix,
         gradient: &mut [f64],
@@ -124,7 +139,7 @@ impl Incidences {
             for (row, gradient) in rows.iter_mut().zip(gradient.chunks_exact_mut(N)) {
                 let edges = self.0.of(row.index()).len();
                 if !steps.is_due_after(edges as u32) {
-                    self.assemble_row(blocks, row, gradient);
+                    self.assemble_row(terms, row, gradient);
                 }
             }
         });
@@ -132,7 +147,7 @@ impl Incidences {
 
     fn assemble_row<const N: usize>(
         &self,
-        blocks: &[PairTerm<N>],
+        terms: &EdgeTerms<N>,
         row: &mut BlockRowMut<'_>,
         gradient: &mut [f64],
     ) {
@@ -140,21 +155,21 @@ impl Incidences {
         let mut h = SMatrix::<f64, N, N>::zeros();
         let mut g = SVector::<f64, N>::zeros();
         for incidence in self.0.of(row.index()) {
-            let block = &blocks[incidence.edge as usize];
+            let term = terms.of(incidence.edge as usize);
             if incidence.is_i {
-                h += block.h_ii;
-                g += block.g_i;
+                h += term.h_ii;
+                g += term.g_i;
             } else {
-                h += block.h_jj;
-                g += block.g_j;
+                h += term.h_jj;
+                g += term.g_j;
             }
             if incidence.slot != NOT_STORED {
                 let values = row.slot_mut(incidence.slot as usize);
                 let mut off_diagonal = SMatrixViewMut::<f64, N, N>::from_slice(values);
                 if incidence.is_i {
-                    off_diagonal += block.h_ij;
+                    off_diagonal += term.h_ij;
                 } else {
-                    off_diagonal += block.h_ij.transpose();
+                    off_diagonal += term.h_ij.transpose();
                 }
             }
         }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use nalgebra::SVector;
 
-use super::assembly::{Incidences, linearize_edges};
+use super::assembly::{EdgeTerms, Incidences};
 use super::priors::{self, cost};
 use crate::factors::{self, RelativePose};
 use crate::geometry::LieGroup;
@@ -56,7 +56,7 @@ pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
     backup: Vec<G>,
     /// Block row of each pose, `None` for constant ones.
     row_of: Vec<Option<usize>>,
-    edge_blocks: Vec<PairTerm<N>>,
+    edge_terms: EdgeTerms<N>,
     incidences: Incidences,
     interrupt: &'a Interrupt,
     hessian: BlockMatrix,
@@ -96,7 +96,7 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
         Ok(Self {
             backup: graph.poses.clone(),
             // Filled by the first linearization: the threads that use the memory touch it first.
-            edge_blocks: Vec::new(),
+            edge_terms: EdgeTerms::default(),
             row_of,
             incidences,
             interrupt,
@@ -122,9 +122,9 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
     fn linearize(&mut self, _damping: f64) -> Gradient {
         let graph = &*self.graph;
         let (loss, interrupt) = (graph.loss, self.interrupt);
-        linearize_edges(&graph.edges, &graph.poses, loss, interrupt, &mut self.edge_blocks);
+        self.edge_terms.linearize(&graph.edges, &graph.poses, loss, interrupt);
         let (hessian, gradient) = (&mut self.hessian, &mut self.gradient);
-        self.incidences.assemble(&self.edge_blocks, interrupt, hessian, gradient);
+        self.incidences.assemble(&self.edge_terms, interrupt, hessian, gradient);
         priors::add(graph, &self.row_of, hessian, gradient);
         if interrupt.is_due() {
             return Gradient { max_norm: f64::NAN };
