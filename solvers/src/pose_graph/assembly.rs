@@ -5,7 +5,7 @@
 //! edges at its pose, in edge order: the same bits at any thread count, and no locks. Rows are the
 //! poses that are not constant, in index order. Priors are added by `priors`; nothing is factored here.
 
-use nalgebra::{SMatrix, SMatrixViewMut, SVector};
+use nalgebra::{SMatrix, SMatrixView, SMatrixViewMut, SVector, SVectorView};
 
 use crate::factors::{FACTORS_PER_QUESTION, RelativePose};
 use crate::geometry::LieGroup;
@@ -22,40 +22,52 @@ pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
     loss: Loss,
 ) -> PairTerm<N> {
     let mut term = PairTerm::zeros();
-    linearize_edge(edge, poses, loss, &mut term);
+    let h = [&mut term.h_ii, &mut term.h_ij, &mut term.h_jj].map(SMatrix::as_mut_slice);
+    let g = [&mut term.g_i, &mut term.g_j].map(SVector::as_mut_slice);
+    term.cost = linearize_edge(edge, poses, loss, h, g);
     term
 }
 
-/// Writes what `edge` adds into its place: a term of SE(3) is a kilobyte, too large to copy for each.
+/// Writes what `edge` adds into its place, since a term of SE(3) is a kilobyte, too large to copy for each:
+/// blocks (i, i), (i, j) and (j, j) of H, then those of g. Returns its cost.
 fn linearize_edge<G: LieGroup<N>, const N: usize>(
     edge: &RelativePose<G, N>,
     (world_from_i, world_from_j): (&G, &G),
     loss: Loss,
-    term: &mut PairTerm<N>,
-) {
+    [h_ii, h_ij, h_jj]: [&mut [f64]; 3],
+    [g_i, g_j]: [&mut [f64]; 2],
+) -> f64 {
     let pair = edge.linearize(world_from_i, world_from_j);
     let omega = edge.information.matrix();
     let loss = edge.loss.unwrap_or(loss).evaluate(edge.information.squared_norm(&pair.residual));
     let omega_d_i = omega * pair.d_i * loss.weight;
     let omega_d_j = omega * pair.d_j * loss.weight;
-    term.cost = 0.5 * loss.rho;
-    term.h_ii = pair.d_i.tr_mul(&omega_d_i);
-    term.h_ij = pair.d_i.tr_mul(&omega_d_j);
-    term.h_jj = pair.d_j.tr_mul(&omega_d_j);
-    term.g_i = omega_d_i.tr_mul(&pair.residual);
-    term.g_j = omega_d_j.tr_mul(&pair.residual);
+    h_ii.copy_from_slice(pair.d_i.tr_mul(&omega_d_i).as_slice());
+    h_ij.copy_from_slice(pair.d_i.tr_mul(&omega_d_j).as_slice());
+    h_jj.copy_from_slice(pair.d_j.tr_mul(&omega_d_j).as_slice());
+    g_i.copy_from_slice(omega_d_i.tr_mul(&pair.residual).as_slice());
+    g_j.copy_from_slice(omega_d_j.tr_mul(&pair.residual).as_slice());
+    0.5 * loss.rho
 }
 
 /// Edges that a task linearizes: few, so that threads end at about the same time in small graphs.
 const EDGES_PER_TASK: usize = 32;
 
-/// What each edge adds, a list for each [`EDGES_PER_TASK`] edges.
+/// What each edge adds to H and g, one after the other: N columns of each of its three blocks of H, then one
+/// of each of g.
+///
+/// Plain numbers, because memory of zeros is written first by the task that has the results.
 #[derive(Debug, Default)]
-pub(super) struct EdgeTerms<const N: usize>(Vec<Vec<PairTerm<N>>>);
+pub(super) struct EdgeTerms<const N: usize>(Vec<f64>);
 
 impl<const N: usize> EdgeTerms<N> {
-    /// Linearizes every edge. Once `interrupt` is due the rest are left zero: what is made of it is not
-    /// used.
+    /// Scalars of a block of H, and of an edge.
+    const BLOCK: usize = N * N;
+    const TERM: usize = 3 * Self::BLOCK + 2 * N;
+    /// Memory that an edge takes.
+    pub(super) const BYTES_PER_EDGE: usize = size_of::<f64>() * Self::TERM;
+
+    /// Linearizes every edge. Once `interrupt` is due the rest are zero.
     pub(super) fn linearize<G: LieGroup<N>>(
         &mut self,
         edges: &[RelativePose<G, N>],
@@ -63,22 +75,27 @@ impl<const N: usize> EdgeTerms<N> {
         loss: Loss,
         interrupt: &Interrupt,
     ) {
-        self.0.resize(edges.len().div_ceil(EDGES_PER_TASK), Vec::new());
-        let runs = edges.chunks(EDGES_PER_TASK).zip(&mut self.0);
-        parallel::for_each(runs, |(edges, terms)| {
-            // The first time: by the task that writes them next, while they are in its cache.
-            terms.resize(edges.len(), PairTerm::zeros());
+        if self.0.len() != edges.len() * Self::TERM {
+            self.0 = vec![0.0; edges.len() * Self::TERM];
+        }
+        let runs = self.0.chunks_mut(EDGES_PER_TASK * Self::TERM);
+        parallel::for_each(edges.chunks(EDGES_PER_TASK).zip(runs), |(edges, terms)| {
             if interrupt.is_due() {
-                return terms.fill(PairTerm::zeros());
+                return terms.fill(0.0);
             }
-            for (edge, term) in edges.iter().zip(terms) {
-                linearize_edge(edge, (&poses[edge.i], &poses[edge.j]), loss, term);
+            for (edge, term) in edges.iter().zip(terms.chunks_exact_mut(Self::TERM)) {
+                let (h_ii, rest) = term.split_at_mut(Self::BLOCK);
+                let (h_ij, rest) = rest.split_at_mut(Self::BLOCK);
+                let (h_jj, rest) = rest.split_at_mut(Self::BLOCK);
+                let (g_i, g_j) = rest.split_at_mut(N);
+                let poses = (&poses[edge.i], &poses[edge.j]);
+                linearize_edge(edge, poses, loss, [h_ii, h_ij, h_jj], [g_i, g_j]);
             }
         });
     }
 
-    fn of(&self, edge: usize) -> &PairTerm<N> {
-        &self.0[edge / EDGES_PER_TASK][edge % EDGES_PER_TASK]
+    fn of(&self, edge: usize) -> &[f64] {
+        &self.0[edge * Self::TERM..][..Self::TERM]
     }
 }
 
@@ -155,21 +172,18 @@ impl Incidences {
         let mut h = SMatrix::<f64, N, N>::zeros();
         let mut g = SVector::<f64, N>::zeros();
         for incidence in self.0.of(row.index()) {
-            let term = terms.of(incidence.edge as usize);
-            if incidence.is_i {
-                h += term.h_ii;
-                g += term.g_i;
-            } else {
-                h += term.h_jj;
-                g += term.g_j;
-            }
+            let (blocks, shares) = terms.of(incidence.edge as usize).split_at(3 * N * N);
+            let block = |k: usize| SMatrixView::<f64, N, N>::from_slice(&blocks[k * N * N..]);
+            let (own, share) = if incidence.is_i { (0, 0) } else { (2, N) };
+            h += block(own);
+            g += SVectorView::<f64, N>::from_slice(&shares[share..]);
             if incidence.slot != NOT_STORED {
                 let values = row.slot_mut(incidence.slot as usize);
                 let mut off_diagonal = SMatrixViewMut::<f64, N, N>::from_slice(values);
                 if incidence.is_i {
-                    off_diagonal += term.h_ij;
+                    off_diagonal += block(1);
                 } else {
-                    off_diagonal += term.h_ij.transpose();
+                    off_diagonal += block(1).transpose();
                 }
             }
         }

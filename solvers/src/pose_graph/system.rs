@@ -14,7 +14,7 @@ use super::priors::{self, cost};
 use crate::factors::{self, RelativePose};
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
-use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
+use crate::linear::{BlockMatrix, BlockPattern, Cholesky};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale, from_linear};
 use crate::parallel;
 use crate::price::Limits;
@@ -33,7 +33,7 @@ const POSES_PER_TASK: usize = 128;
 
 /// Bytes besides the factor: a term and two incidences an edge, poses, vectors, H.
 fn linear_bytes<G, const N: usize>(graph: &PoseGraph<G, N>, pattern: &BlockPattern) -> u64 {
-    let edges = graph.edges.len() * (size_of::<PairTerm<N>>() + 24);
+    let edges = graph.edges.len() * (EdgeTerms::<N>::BYTES_PER_EDGE + 24);
     let poses = graph.poses.len() * (2 * size_of::<G>() + 8 * 9 * N + 48);
     (edges + poses) as u64 + 8 * pattern.value_count() as u64 + pattern.bytes()
 }
