@@ -107,6 +107,18 @@ impl RotationCoefficients {
         }
     }
 
+    /// (θ/2) cot(θ/2) = 1 − θ² D; by the tangent at large angles, where that cancels.
+    #[inline]
+    pub(super) fn half_angle_cotangent(&self) -> f64 {
+        let x = self.squared_angle;
+        if x < SERIES_LIMIT {
+            1.0 - x * self.d
+        } else {
+            let half = 0.5 * x.sqrt();
+            half / half.tan()
+        }
+    }
+
     /// J_r(φ) = I − B φ^ + C φ^².
     #[inline]
     pub(super) fn right_jacobian(&self, phi: &Vector3<f64>) -> Matrix3<f64> {
@@ -165,6 +177,7 @@ mod tests {
             (below.d, above.d),
             (below.e, above.e),
             (below.f(), above.f()),
+            (below.half_angle_cotangent(), above.half_angle_cotangent()),
         ] {
             assert!((s - c).abs() <= 1e-13 * c.abs(), "series {s:e}, closed form {c:e}");
         }

@@ -45,13 +45,6 @@ impl Se2 {
     }
 }
 
-/// (θ/2) cot(θ/2): `tan` keeps full relative accuracy at both ends, so only 0/0 is caught.
-#[inline]
-fn half_angle_cotangent(theta: f64) -> f64 {
-    let half = 0.5 * theta;
-    if half == 0.0 { 1.0 } else { half / half.tan() }
-}
-
 /// The 3 × 3 matrix of three columns above the row (0, 0, 1).
 #[inline]
 fn columns(x: [f64; 2], y: [f64; 2], omega: [f64; 2]) -> Matrix3<f64> {
@@ -85,8 +78,8 @@ impl LieGroup<3> for Se2 {
     #[inline]
     fn log(&self) -> Vector3<f64> {
         let omega = self.rotation.angle();
-        let g = half_angle_cotangent(omega);
         let h = 0.5 * omega;
+        let g = self.rotation.half_angle_cotangent(h);
         let t = &self.translation;
         Vector3::new(g * t.x + h * t.y, g * t.y - h * t.x, omega)
     }
@@ -101,9 +94,9 @@ impl LieGroup<3> for Se2 {
     #[inline]
     fn right_jacobian_inverse(tangent: &Vector3<f64>) -> Matrix3<f64> {
         let (vx, vy, omega) = (tangent.x, tangent.y, tangent.z);
-        let bend = RotationCoefficients::new(omega * omega).d * omega;
-        let g = half_angle_cotangent(omega);
-        let h = 0.5 * omega;
+        let k = RotationCoefficients::new(omega * omega);
+        let (bend, h) = (k.d * omega, 0.5 * omega);
+        let g = k.half_angle_cotangent();
         columns([g, h], [-h, g], [bend * vx + 0.5 * vy, bend * vy - 0.5 * vx])
     }
 

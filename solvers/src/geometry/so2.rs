@@ -29,6 +29,19 @@ impl So2 {
         self.sin.atan2(self.cos)
     }
 
+    /// `half` · cot(θ/2) where `half` is θ/2, without a tangent and without cancellation; one where `half` is
+    /// too small for all its digits.
+    #[inline]
+    pub(super) fn half_angle_cotangent(&self, half: f64) -> f64 {
+        if half.abs() < f64::MIN_POSITIVE {
+            1.0
+        } else if self.cos < 0.0 {
+            half * self.sin / (1.0 - self.cos)
+        } else {
+            half * (1.0 + self.cos) / self.sin
+        }
+    }
+
     /// R p.
     #[inline]
     pub fn rotate(&self, point: &Vector2<f64>) -> Vector2<f64> {
@@ -107,5 +120,22 @@ impl LieGroup<1> for So2 {
     #[inline]
     fn is_finite(&self) -> bool {
         self.cos.is_finite() && self.sin.is_finite()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_half_angle_cotangent_is_that_of_the_tangent_at_all_angles() {
+        let tiny = [0.0, -0.0, 5e-324, -1e-310, 1e-200, -1e-20, 1e-9];
+        let all = (-3140..=3140).map(|k| f64::from(k) * 1e-3);
+        for angle in all.chain(tiny) {
+            let half = 0.5 * angle;
+            let found = So2::from_angle(angle).half_angle_cotangent(half);
+            let expected = if half == 0.0 { 1.0 } else { half / half.tan() };
+            assert!((found - expected).abs() <= 1e-15, "{angle}: {found} {expected}");
+        }
     }
 }
