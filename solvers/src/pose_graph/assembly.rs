@@ -5,11 +5,12 @@
 //! edges at its pose, in edge order: the same bits at any thread count, and no locks. Rows are the
 //! poses that are not constant, in index order. Priors are added by `priors`; nothing is factored here.
 
-use nalgebra::{SMatrix, SMatrixView, SMatrixViewMut, SVector, SVectorView};
+use nalgebra::{SMatrix, SMatrixViewMut, SVector};
+use rayon::prelude::*;
 
 use crate::factors::{FACTORS_PER_QUESTION, RelativePose};
 use crate::geometry::LieGroup;
-use crate::interrupt::Interrupt;
+use crate::interrupt::{Interrupt, Steps};
 use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut, PairTerm};
 use crate::lists::Lists;
 use crate::loss::Loss;
@@ -18,85 +19,47 @@ use crate::parallel;
 /// What `edge` adds to H and g at the two poses; `loss` is the graph's.
 pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
     edge: &RelativePose<G, N>,
-    poses: (&G, &G),
-    loss: Loss,
-) -> PairTerm<N> {
-    let mut term = PairTerm::zeros();
-    let h = [&mut term.h_ii, &mut term.h_ij, &mut term.h_jj].map(SMatrix::as_mut_slice);
-    let g = [&mut term.g_i, &mut term.g_j].map(SVector::as_mut_slice);
-    term.cost = linearize_edge(edge, poses, loss, h, g);
-    term
-}
-
-/// Writes what `edge` adds into its place, since a term of SE(3) is a kilobyte, too large to copy for each:
-/// blocks (i, i), (i, j) and (j, j) of H, then those of g. Returns its cost.
-fn linearize_edge<G: LieGroup<N>, const N: usize>(
-    edge: &RelativePose<G, N>,
     (world_from_i, world_from_j): (&G, &G),
     loss: Loss,
-    [h_ii, h_ij, h_jj]: [&mut [f64]; 3],
-    [g_i, g_j]: [&mut [f64]; 2],
-) -> f64 {
+) -> PairTerm<N> {
     let pair = edge.linearize(world_from_i, world_from_j);
     let omega = edge.information.matrix();
     let loss = edge.loss.unwrap_or(loss).evaluate(edge.information.squared_norm(&pair.residual));
     let omega_d_i = omega * pair.d_i * loss.weight;
     let omega_d_j = omega * pair.d_j * loss.weight;
-    h_ii.copy_from_slice(pair.d_i.tr_mul(&omega_d_i).as_slice());
-    h_ij.copy_from_slice(pair.d_i.tr_mul(&omega_d_j).as_slice());
-    h_jj.copy_from_slice(pair.d_j.tr_mul(&omega_d_j).as_slice());
-    g_i.copy_from_slice(omega_d_i.tr_mul(&pair.residual).as_slice());
-    g_j.copy_from_slice(omega_d_j.tr_mul(&pair.residual).as_slice());
-    0.5 * loss.rho
+    PairTerm {
+        cost: 0.5 * loss.rho,
+        h_ii: pair.d_i.tr_mul(&omega_d_i),
+        h_ij: pair.d_i.tr_mul(&omega_d_j),
+        h_jj: pair.d_j.tr_mul(&omega_d_j),
+        g_i: omega_d_i.tr_mul(&pair.residual),
+        g_j: omega_d_j.tr_mul(&pair.residual),
+    }
 }
 
-/// Edges that a task linearizes: few, so that threads end at about the same time in small graphs.
-const EDGES_PER_TASK: usize = 32;
+/// Edges that a task linearizes at least: few, so that threads end at about the same time.
+const MIN_EDGES_PER_TASK: usize = 32;
 
-/// What each edge adds to H and g, one after the other: N columns of each of its three blocks of H, then one
-/// of each of g.
+/// Linearizes every edge into `blocks`, which has one entry an edge afterwards. Once `interrupt` is due
+/// the rest are zero.
 ///
-/// Plain numbers, because memory of zeros is written first by the task that has the results.
-#[derive(Debug, Default)]
-pub(super) struct EdgeTerms<const N: usize>(Vec<f64>);
-
-impl<const N: usize> EdgeTerms<N> {
-    /// Scalars of a block of H, and of an edge.
-    const BLOCK: usize = N * N;
-    const TERM: usize = 3 * Self::BLOCK + 2 * N;
-    /// Memory that an edge takes.
-    pub(super) const BYTES_PER_EDGE: usize = size_of::<f64>() * Self::TERM;
-
-    /// Linearizes every edge. Once `interrupt` is due the rest are zero.
-    pub(super) fn linearize<G: LieGroup<N>>(
-        &mut self,
-        edges: &[RelativePose<G, N>],
-        poses: &[G],
-        loss: Loss,
-        interrupt: &Interrupt,
-    ) {
-        if self.0.len() != edges.len() * Self::TERM {
-            self.0 = vec![0.0; edges.len() * Self::TERM];
+/// A loop of its own: of those in `parallel`, each would write all this memory once more, to fill it.
+pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
+    edges: &[RelativePose<G, N>],
+    poses: &[G],
+    loss: Loss,
+    interrupt: &Interrupt,
+    blocks: &mut Vec<PairTerm<N>>,
+) {
+    let term = |steps: &mut Steps<'_>, edge: &RelativePose<G, N>| {
+        if steps.is_due_after(1) {
+            return PairTerm::zeros();
         }
-        let runs = self.0.chunks_mut(EDGES_PER_TASK * Self::TERM);
-        parallel::for_each(edges.chunks(EDGES_PER_TASK).zip(runs), |(edges, terms)| {
-            if interrupt.is_due() {
-                return terms.fill(0.0);
-            }
-            for (edge, term) in edges.iter().zip(terms.chunks_exact_mut(Self::TERM)) {
-                let (h_ii, rest) = term.split_at_mut(Self::BLOCK);
-                let (h_ij, rest) = rest.split_at_mut(Self::BLOCK);
-                let (h_jj, rest) = rest.split_at_mut(Self::BLOCK);
-                let (g_i, g_j) = rest.split_at_mut(N);
-                let poses = (&poses[edge.i], &poses[edge.j]);
-                linearize_edge(edge, poses, loss, [h_ii, h_ij, h_jj], [g_i, g_j]);
-            }
-        });
-    }
-
-    fn of(&self, edge: usize) -> &[f64] {
-        &self.0[edge * Self::TERM..][..Self::TERM]
-    }
+        pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss)
+    };
+    let steps = || interrupt.in_steps(FACTORS_PER_QUESTION);
+    let edges = edges.par_iter().with_min_len(MIN_EDGES_PER_TASK);
+    edges.map_init(steps, term).collect_into_vec(blocks);
 }
 
 /// An edge as the row of one of its poses sees it.
@@ -141,10 +104,10 @@ impl Incidences {
         Self(Lists::counted(counts, incidences))
     }
 
-    /// Sums the terms of the edges into H and g. Once `interrupt` is due the rest stay as they are.
+    /// Sums `blocks`, one an edge, into H and g. Once `interrupt` is due the rest stay as they are.
     pub(super) fn assemble<const N: usize>(
         &self,
-        terms: &EdgeTerms<N>,
+        blocks: &[PairTerm<N>],
         interrupt: &Interrupt,
         hessian: &mut BlockMatrix,
         gradient: &mut [f64],
@@ -156,7 +119,7 @@ impl Incidences {
             for (row, gradient) in rows.iter_mut().zip(gradient.chunks_exact_mut(N)) {
                 let edges = self.0.of(row.index()).len();
                 if !steps.is_due_after(edges as u32) {
-                    self.assemble_row(terms, row, gradient);
+                    self.assemble_row(blocks, row, gradient);
                 }
             }
         });
@@ -164,7 +127,7 @@ impl Incidences {
 
     fn assemble_row<const N: usize>(
         &self,
-        terms: &EdgeTerms<N>,
+        blocks: &[PairTerm<N>],
         row: &mut BlockRowMut<'_>,
         gradient: &mut [f64],
     ) {
@@ -172,18 +135,21 @@ impl Incidences {
         let mut h = SMatrix::<f64, N, N>::zeros();
         let mut g = SVector::<f64, N>::zeros();
         for incidence in self.0.of(row.index()) {
-            let (blocks, shares) = terms.of(incidence.edge as usize).split_at(3 * N * N);
-            let block = |k: usize| SMatrixView::<f64, N, N>::from_slice(&blocks[k * N * N..]);
-            let (own, share) = if incidence.is_i { (0, 0) } else { (2, N) };
-            h += block(own);
-            g += SVectorView::<f64, N>::from_slice(&shares[share..]);
+            let block = &blocks[incidence.edge as usize];
+            if incidence.is_i {
+                h += block.h_ii;
+                g += block.g_i;
+            } else {
+                h += block.h_jj;
+                g += block.g_j;
+            }
             if incidence.slot != NOT_STORED {
                 let values = row.slot_mut(incidence.slot as usize);
                 let mut off_diagonal = SMatrixViewMut::<f64, N, N>::from_slice(values);
                 if incidence.is_i {
-                    off_diagonal += block(1);
+                    off_diagonal += block.h_ij;
                 } else {
-                    off_diagonal += block(1).transpose();
+                    off_diagonal += block.h_ij.transpose();
                 }
             }
         }

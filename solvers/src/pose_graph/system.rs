@@ -9,12 +9,12 @@ use std::sync::Arc;
 
 use nalgebra::SVector;
 
-use super::assembly::{EdgeTerms, Incidences};
+use super::assembly::{Incidences, linearize_edges};
 use super::priors::{self, cost};
 use crate::factors::{self, RelativePose};
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
-use crate::linear::{BlockMatrix, BlockPattern, Cholesky};
+use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale, from_linear};
 use crate::parallel;
 use crate::price::Limits;
@@ -33,7 +33,7 @@ const POSES_PER_TASK: usize = 128;
 
 /// Bytes besides the factor: a term and two incidences an edge, poses, vectors, H.
 fn linear_bytes<G, const N: usize>(graph: &PoseGraph<G, N>, pattern: &BlockPattern) -> u64 {
-    let edges = graph.edges.len() * (EdgeTerms::<N>::BYTES_PER_EDGE + 24);
+    let edges = graph.edges.len() * (size_of::<PairTerm<N>>() + 24);
     let poses = graph.poses.len() * (2 * size_of::<G>() + 8 * 9 * N + 48);
     (edges + poses) as u64 + 8 * pattern.value_count() as u64 + pattern.bytes()
 }
@@ -56,7 +56,7 @@ pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
     backup: Vec<G>,
     /// Block row of each pose, `None` for constant ones.
     row_of: Vec<Option<usize>>,
-    edge_terms: EdgeTerms<N>,
+    edge_blocks: Vec<PairTerm<N>>,
     incidences: Incidences,
     interrupt: &'a Interrupt,
     hessian: BlockMatrix,
@@ -96,7 +96,7 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
         Ok(Self {
             backup: graph.poses.clone(),
             // Filled by the first linearization: the threads that use the memory touch it first.
-            edge_terms: EdgeTerms::default(),
+            edge_blocks: Vec::new(),
             row_of,
             incidences,
             interrupt,
@@ -122,9 +122,9 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
     fn linearize(&mut self, _damping: f64) -> Gradient {
         let graph = &*self.graph;
         let (loss, interrupt) = (graph.loss, self.interrupt);
-        self.edge_terms.linearize(&graph.edges, &graph.poses, loss, interrupt);
+        linearize_edges(&graph.edges, &graph.poses, loss, interrupt, &mut self.edge_blocks);
         let (hessian, gradient) = (&mut self.hessian, &mut self.gradient);
-        self.incidences.assemble(&self.edge_terms, interrupt, hessian, gradient);
+        self.incidences.assemble(&self.edge_blocks, interrupt, hessian, gradient);
         priors::add(graph, &self.row_of, hessian, gradient);
         if interrupt.is_due() {
             return Gradient { max_norm: f64::NAN };

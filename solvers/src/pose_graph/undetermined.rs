@@ -10,11 +10,11 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, SVector};
 
-use super::assembly::{EdgeTerms, Incidences};
+use super::assembly::{Incidences, linearize_edges};
 use super::priors;
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
-use crate::linear::{BlockMatrix, BlockPattern, Cholesky};
+use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::loss::Loss;
 use crate::problem::{PoseGraph, SolveError};
 
@@ -81,11 +81,11 @@ pub(super) fn hessian<G: LieGroup<N>, const N: usize>(
     let pairs = rows_of_edges.clone().filter_map(|(i, j)| i.zip(j));
     let pattern = Arc::new(BlockPattern::new(vec![N; rows], pairs));
     let incidences = Incidences::new(&pattern, rows_of_edges);
-    let mut terms = EdgeTerms::default();
-    terms.linearize(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER);
+    let mut blocks = vec![PairTerm::zeros(); graph.edges.len()];
+    linearize_edges(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER, &mut blocks);
     let mut hessian = BlockMatrix::new(pattern);
     let mut gradient = vec![0.0; rows * N];
-    incidences.assemble(&terms, &Interrupt::NEVER, &mut hessian, &mut gradient);
+    incidences.assemble(&blocks, &Interrupt::NEVER, &mut hessian, &mut gradient);
     priors::add(graph, row_of, &mut hessian, &mut gradient);
     hessian
 }
