@@ -1,8 +1,9 @@
 //! Loops over coarse pieces of work on the thread pool that the caller runs in.
 //!
 //! One loop of rayon, compiled once: a loop of its own at each place was a tenth of the crate's code.
-//! A piece costs a tenth of a microsecond, so it should be worth some of them. Pieces are cut by the
-//! caller and results keep their order, so that sums do not depend on the number of threads.
+//! A piece costs a lock, and with several threads its part in dealing out the work, so it should be worth
+//! a microsecond at least. Pieces are cut by the caller and results keep their order, so that sums do not
+//! depend on the number of threads.
 
 use std::sync::{Mutex, PoisonError};
 

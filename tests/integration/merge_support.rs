@@ -62,9 +62,9 @@ pub(crate) async fn walk(server: &TestServer, map: &str, client: &str, sequence:
     }
 }
 
-/// Waits until all that the items of a map started is done. Before its searches ended, a map with no
-/// adjustment due may still find a closure and be adjusted after it. In lock-step a stream ends after all
-/// of that; the client must have no other one.
+/// Waits until searches of places, their closures and the adjustment after them are done. A map with no
+/// adjustment due may still search, find a closure and be adjusted after it. In lock-step a stream ends after
+/// all of that; the client must have no other one.
 pub(crate) async fn all_done(server: &TestServer, map: &str, client: &str) {
     let mut stream = Stream::connect(server).await;
     let open = v1::IngestOpen {

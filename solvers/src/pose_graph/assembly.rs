@@ -1,7 +1,7 @@
 //! Normal equations of a pose graph, assembled by owner.
 //!
 //! Each edge is linearized once into its blocks w JᵀΩJ and w JᵀΩr (w = ρ' of the loss), in
-//! parallel over fixed chunks. Then each block row of H and g is summed by one task from the
+//! parallel. Then each block row of H and g is summed by one task from the
 //! edges at its pose, in edge order: the same bits at any thread count, and no locks. Rows are the
 //! poses that are not constant, in index order. Priors are added by `priors`; nothing is factored here.
 
