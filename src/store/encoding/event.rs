@@ -4,7 +4,7 @@
 use prost::Message;
 
 use super::change::{decode_change, encode_change};
-use super::{EncodingError, decode, required, v1};
+use super::{EncodingError, append, decode, encode, required, v1};
 use crate::map::{Cause, ClientIndex, Digest, Event};
 
 /// Appends the bytes of an event to `out`.
@@ -18,7 +18,7 @@ pub(in crate::store) fn encode_event(event: &Event, out: &mut Vec<u8>) {
     });
     let change = Some(encode_change(change));
     let message = v1::Event { revision: *revision, cause, time_ns: *time_ns, change };
-    out.extend_from_slice(&message.encode_to_vec());
+    append(&message, out);
 }
 
 /// The event of `bytes`.
@@ -43,7 +43,7 @@ pub(super) fn decode_digest(bytes: &[u8]) -> Result<Digest, EncodingError> {
 
 /// The bytes of an identity.
 pub(in crate::store) fn encode_identity(name: &str) -> Vec<u8> {
-    v1::MapIdentity { name: name.to_owned() }.encode_to_vec()
+    encode(&v1::MapIdentity { name: name.to_owned() })
 }
 
 /// The map's name in an identity of any later version: its field 1 stays the name forever.

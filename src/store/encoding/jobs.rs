@@ -7,14 +7,14 @@ use nalgebra::Vector3;
 use prost::Message;
 
 use super::entities::{decode_camera_set, decode_pose, encode_camera_set, encode_pose};
-use super::{EncodingError, decode, v1};
+use super::{EncodingError, decode, encode, v1};
 use crate::map::{CameraEntity, ClientIndex, EntityId};
 use crate::store::job_files::{JobRecord, JobUpload};
 
 /// The bytes of a record.
 pub(in crate::store) fn encode_job(record: &JobRecord) -> Vec<u8> {
     let JobRecord { tenant, job_id, number, job, done } = record.clone();
-    v1::JobRecord { tenant, job_id, number, job, done }.encode_to_vec()
+    encode(&v1::JobRecord { tenant, job_id, number, job, done })
 }
 
 /// The record of `bytes`.
@@ -37,7 +37,7 @@ pub(in crate::store) fn decode_later_job(bytes: &[u8]) -> Result<(String, String
 pub(in crate::store) fn encode_upload(upload: &JobUpload) -> Vec<u8> {
     let JobUpload { tenant, create_time_s, files } = upload.clone();
     let files = files.into_iter().map(|(path, size_bytes)| v1::JobUploadFile { path, size_bytes });
-    v1::JobUpload { tenant, create_time_s, files: files.collect() }.encode_to_vec()
+    encode(&v1::JobUpload { tenant, create_time_s, files: files.collect() })
 }
 
 /// The description of an upload in `bytes`.
@@ -56,7 +56,7 @@ pub(in crate::store) fn encode_checkpoint(checkpoint: &Checkpoint) -> Vec<u8> {
     let id = EntityId::new(ClientIndex(0), 0);
     let camera =
         |&camera: &_| encode_camera_set(id, &CameraEntity { camera, width_px: 0, height_px: 0 });
-    let message = v1::BundleCheckpoint {
+    encode(&v1::BundleCheckpoint {
         initial_cost: state.initial_cost.to_bits(),
         cost: state.cost.to_bits(),
         damping: state.damping.to_bits(),
@@ -68,8 +68,7 @@ pub(in crate::store) fn encode_checkpoint(checkpoint: &Checkpoint) -> Vec<u8> {
         poses: poses.iter().map(encode_pose).collect(),
         landmarks: landmarks.iter().flat_map(|p| [p.x, p.y, p.z].map(f64::to_bits)).collect(),
         cameras: cameras.iter().map(camera).collect(),
-    };
-    message.encode_to_vec()
+    })
 }
 
 /// The checkpoint in `bytes`.

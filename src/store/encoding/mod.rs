@@ -91,6 +91,23 @@ pub(super) fn densest(length: usize) -> [Vec<Vec<u8>>; 2] {
     [of(v1::Event::full_name()), of(v1::MapPart::full_name())]
 }
 
+/// Appends the bytes of a message to `out`.
+///
+/// Into a slice of its length: a vector looks at its capacity with each byte of a number, and journals
+/// append up to a third less in a second (decision 0011).
+fn append(message: &impl prost::Message, out: &mut Vec<u8>) {
+    let start = out.len();
+    out.resize(start + message.encoded_len(), 0);
+    message.encode_raw(&mut &mut out[start..]);
+}
+
+/// The bytes of a message.
+fn encode(message: &impl prost::Message) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    append(message, &mut bytes);
+    bytes
+}
+
 /// Decodes a message without the fields that are not known here, and refuses what takes more memory
 /// than its bytes are worth.
 fn decode_known<M: prost::Name + Default>(bytes: &[u8]) -> Result<M, EncodingError> {

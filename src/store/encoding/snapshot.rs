@@ -5,8 +5,6 @@
 
 use std::io::Write;
 
-use prost::Message;
-
 use super::clients::encode_client;
 use super::entities::{
     encode_camera_set, encode_constraint, encode_descriptor, encode_id, encode_observations,
@@ -14,7 +12,7 @@ use super::entities::{
 };
 use super::merging::encode_merged;
 use super::places::{encode_pending, encode_search};
-use super::{EncodingError, v1};
+use super::{EncodingError, encode, v1};
 use crate::map::{ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map};
 
 /// Entries of one kind in one part: what a part takes in memory is not to be seen beside a small map.
@@ -77,7 +75,7 @@ impl Parts {
             let (part, next) = self.0.part(map);
             self.0 = next;
             if let Some(part) = part {
-                return Some(part.encode_to_vec());
+                return Some(encode(&part));
             }
         }
     }
