@@ -39,14 +39,14 @@ pub type ItemLandmark = NewLandmark<i64>;
 
 /// A measured position as sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum MeasuredPosition {
     /// In the world frame, in meters.
     InWorld(Vector3<f64>),
     /// On the Earth, for a map whose policy says where its world is.
     OnEarth(Geodetic),
 }
 
-impl Place {
+impl MeasuredPosition {
     /// Whether each number is finite and within its range.
     pub fn is_valid(&self) -> bool {
         match self {
@@ -138,7 +138,7 @@ pub enum Item {
         /// The keyframe.
         keyframe: EntityRef,
         /// The measurement.
-        place: Place,
+        place: MeasuredPosition,
         /// The measured point in the keyframe's frame, in meters.
         point_in_camera: Vector3<f64>,
         /// Information over x, y, z of the world frame, in 1/m².

@@ -2,12 +2,24 @@
 //!
 //! A [`Map`] is the fold of its [`Event`]s, which carry values: the same journal gives the same bits.
 //! [`Map::check`] turns a client's [`Item`] into a [`Change`] or refuses it with the fields' names;
-//! `problem` is the only place that turns a map into a solver problem, and `applied` turns the result
-//! of a solve into a change. No solve runs here and nothing here is asynchronous: no tokio, tonic or
+//! [`problem`] is the only place that turns a map into a solver problem, and [`applied`](applied()) turns the result
+//! of a solve into a change. No map is solved here and nothing here is asynchronous: no tokio, tonic or
 //! prost, no clock and no files.
 //!
-//! Above the map stand [`place`], which finds the keyframes that may show a place, and
-//! [`loop_closing`], which decides whether they do.
+//! In the order in which they are best read:
+//!
+//! | items | role |
+//! |---|---|
+//! | [`EntityId`], [`Client`], [`Keyframe`], [`Landmark`], [`Constraint`], [`Prior`] | what a map holds |
+//! | [`Item`], [`Edit`], [`Rejection`] | what a client may ask for, and why it is refused |
+//! | [`Event`], [`Change`] | everything that can happen to a map |
+//! | [`Map`], [`MapPolicy`], [`MapLimits`] | the fold of events, how it behaves, how large it may be |
+//! | [`shared_map`], [`Covisibility`], [`Ties`] | its sorted lists, and what is counted by keyframe |
+//! | [`choose_window`], [`problem`], [`applied`] | what a solve may move, its problem, its result as a change |
+//! | [`triangulate`], [`retire`], [`find_duplicates`] | landmarks without a position, maps that are full, points that are one |
+//! | [`Merge`], [`MergedMap`] | maps that become one and part again |
+//! | [`place`] | the keyframes that may show a place |
+//! | [`loop_closing`] | which of them do |
 
 use std::collections::BTreeMap;
 
@@ -65,7 +77,7 @@ pub use event::{
 };
 pub use ids::{ClientIndex, EntityId};
 pub use item::{
-    EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place, is_valid_camera,
+    EntityRef, Item, ItemLandmark, ItemObservation, MeasuredPosition, PartialItem, is_valid_camera,
 };
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
 pub use merging::{Link, Merge, MergeError, MergedClient, MergedMap};

@@ -13,12 +13,13 @@
 //! | 5 | [`linear`]: block-sparse matrices, orderings, Cholesky |
 //! | 6 | [`optimizer`]: the trust-region loop |
 //! | 7 | [`initialization`]: triangulation, P3P, start values of pose graphs |
-//! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`]: one pose, landmarks fixed; [`relative_motion`]: the pose between two keyframes |
+//! | 8 | [`bundle_adjustment`]: poses, cameras and landmarks; [`pose_graph`]: poses; [`pose_refinement`]: one pose, landmarks fixed; [`relative_motion`]: the pose between two keyframes |
 //! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum; [`marginalization`]: a keyframe removed, its knowledge kept |
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths; [`point_matching`]: points of two places that are one |
 //! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved; [`geometric_verification`]: whether two keyframes show one place |
 //! | 12 | [`reconstruction`]: poses and points from observations alone; [`similarity`]: two clouds of points at different scales |
 //! | 13 | [`io`]: files of BAL, Bundler, COLMAP and g2o, trajectories, PLY |
+//! | 14 | `testing`, a feature: numeric Jacobians, group laws, a synthetic room |
 //!
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
 //! Conventions (frames, tangent order, units) are those of `docs/conventions.md`.

@@ -114,13 +114,13 @@ pub enum FoundRecord {
 
 /// The files of all jobs of a server.
 #[derive(Debug)]
-pub struct JobFiles(Place);
+pub struct JobFiles(Storage);
 
 /// The bytes of each file.
 type InMemory = BTreeMap<(JobUid, JobFile), Arc<[u8]>>;
 
 #[derive(Debug)]
-enum Place {
+enum Storage {
     Disk(JobFolders),
     Memory(Mutex<InMemory>),
 }
@@ -129,17 +129,17 @@ impl JobFiles {
     /// In memory: gone at the end.
     #[must_use]
     pub fn in_memory() -> Self {
-        Self(Place::Memory(Mutex::default()))
+        Self(Storage::Memory(Mutex::default()))
     }
 
     /// In a data directory.
     pub(super) fn on_disk(folders: JobFolders) -> Self {
-        Self(Place::Disk(folders))
+        Self(Storage::Disk(folders))
     }
 
     /// Whether they survive the process.
     pub fn is_durable(&self) -> bool {
-        matches!(self.0, Place::Disk(_))
+        matches!(self.0, Storage::Disk(_))
     }
 
     /// What is there of each job and upload. Removes leftovers.
@@ -148,8 +148,8 @@ impl JobFiles {
     /// [`StoreError::File`].
     pub fn list(&self) -> Result<Vec<JobFolder>, StoreError> {
         match &self.0 {
-            Place::Disk(folders) => folders.list(),
-            Place::Memory(_) => Ok(Vec::new()),
+            Storage::Disk(folders) => folders.list(),
+            Storage::Memory(_) => Ok(Vec::new()),
         }
     }
 
@@ -242,8 +242,8 @@ impl JobFiles {
         body: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<u64, StoreError> {
         match &self.0 {
-            Place::Disk(folders) => folders.write(uid, file, body),
-            Place::Memory(files) => {
+            Storage::Disk(folders) => folders.write(uid, file, body),
+            Storage::Memory(files) => {
                 let mut bytes = Vec::new();
                 body(&mut bytes).map_err(|error| StoreError::File {
                     action: "cannot write",
@@ -270,8 +270,8 @@ impl JobFiles {
         read: impl FnOnce(&mut dyn BufRead) -> io::Result<T>,
     ) -> Result<T, JobFileError> {
         match &self.0 {
-            Place::Disk(folders) => folders.read(uid, file, read),
-            Place::Memory(files) => {
+            Storage::Disk(folders) => folders.read(uid, file, read),
+            Storage::Memory(files) => {
                 let bytes =
                     files.lock().get(&(*uid, file)).cloned().ok_or(JobFileError::Missing)?;
                 read(&mut &bytes[..]).map_err(|error| JobFileError::Damaged {
@@ -288,8 +288,8 @@ impl JobFiles {
     /// [`StoreError::File`]; some may be gone.
     pub fn retain(&self, uid: &JobUid, keep: impl Fn(JobFile) -> bool) -> Result<(), StoreError> {
         match &self.0 {
-            Place::Disk(folders) => folders.retain(uid, keep),
-            Place::Memory(files) => {
+            Storage::Disk(folders) => folders.retain(uid, keep),
+            Storage::Memory(files) => {
                 files.lock().retain(|(other, file), _| other != uid || keep(*file));
                 Ok(())
             }
@@ -302,8 +302,8 @@ impl JobFiles {
     /// [`StoreError::File`]: it is as it was.
     pub fn remove(&self, uid: &JobUid) -> Result<(), StoreError> {
         match &self.0 {
-            Place::Disk(folders) => folders.remove(uid),
-            Place::Memory(files) => {
+            Storage::Disk(folders) => folders.remove(uid),
+            Storage::Memory(files) => {
                 files.lock().retain(|(other, _), _| other != uid);
                 Ok(())
             }

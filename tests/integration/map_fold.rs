@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Depth, EntityId, EntityKind, Event,
-    GlobalOptions, Item, Map, MapError, MapParts, MapPolicy, Place, Recall, SolveKind, SwitchedOff,
-    WhenFull, global_problem, retire, triangulate,
+    GlobalOptions, Item, Map, MapError, MapParts, MapPolicy, MeasuredPosition, Recall, SolveKind,
+    SwitchedOff, WhenFull, global_problem, retire, triangulate,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
@@ -79,7 +79,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                 Item::PositionPrior {
                     id: n,
                     keyframe,
-                    place: Place::InWorld(normal_vector(rng, 1.0)),
+                    place: MeasuredPosition::InWorld(normal_vector(rng, 1.0)),
                     point_in_camera: normal_vector(rng, 1.0),
                     information: Information::identity(),
                     loss: Loss::Trivial,

@@ -3,8 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 
 use covis::map::{
-    AppliedSolve, Change, ConstraintKind, EntityRef, Gauge, GlobalOptions, Item, MapPolicy, Place,
-    Prior, Reason, SolveKind, SwitchedOff, choose_window, global_problem, local_problem,
+    AppliedSolve, Change, ConstraintKind, EntityRef, Gauge, GlobalOptions, Item, MapPolicy,
+    MeasuredPosition, Prior, Reason, SolveKind, SwitchedOff, choose_window, global_problem,
+    local_problem,
 };
 use covis_solvers::geometry::{Geodetic, LocalFrame};
 use covis_solvers::information::Information;
@@ -117,7 +118,7 @@ fn a_geodetic_fix_needs_an_anchor_and_is_kept_in_the_world() {
     let place = Geodetic { latitude_deg: 48.001, longitude_deg: 11.002, height_m: 512.0 };
     let mut item = fix(1, 2, Vector3::zeros());
     let Item::PositionPrior { place: sent, .. } = &mut item else { panic!() };
-    *sent = Place::OnEarth(place);
+    *sent = MeasuredPosition::OnEarth(place);
     let plain = street(3, MapPolicy::default());
     let rejection = plain.map.check(ROBOT, &item).unwrap_err();
     let found: Vec<_> = rejection.violations.iter().map(|v| (v.field.as_str(), v.reason)).collect();

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use covis::map::{
     Change, ClientIndex, Constraint, ConstraintKind, Depth, EntityId, EntityRef, Item,
-    ItemLandmark, Link, Map, MapPolicy, MergeError, Place, Prior, Reason,
+    ItemLandmark, Link, Map, MapPolicy, MeasuredPosition, MergeError, Prior, Reason,
 };
 use covis_solvers::geometry::{LieGroup, Se3, Sim3, So3};
 use covis_solvers::information::Information;
@@ -418,7 +418,7 @@ fn a_geodetic_position_is_not_scaled() {
     let mut item = fix(9, 1, Vector3::zeros());
     let Item::PositionPrior { place: at, .. } = &mut item else { panic!() };
     let higher = covis_solvers::geometry::Geodetic { height_m: 410.0, ..place };
-    *at = Place::OnEarth(higher);
+    *at = MeasuredPosition::OnEarth(higher);
     give(&mut target, &item);
     let prior = target.map.priors().get(&guest(9)).unwrap();
     let Prior::Position { position_in_world, information, .. } = prior else { panic!() };

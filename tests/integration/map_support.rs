@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Counted, Edit, EntityId, EntityRef,
     Event, Gauge, GraphPairs, GraphProblem, Item, ItemLandmark, ItemObservation, Map, MapPolicy,
-    Place, Rejection, SolveKind, measured_graph,
+    MeasuredPosition, Rejection, SolveKind, measured_graph,
 };
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use covis_solvers::information::Information;
@@ -172,7 +172,7 @@ pub(crate) fn fix(id: i64, keyframe: i64, point_in_world: Vector3<f64>) -> Item 
     Item::PositionPrior {
         id,
         keyframe: EntityRef::own(keyframe),
-        place: Place::InWorld(point_in_world),
+        place: MeasuredPosition::InWorld(point_in_world),
         point_in_camera: Vector3::zeros(),
         information: Information::new(&(Matrix3::identity() * 1e4)).unwrap(),
         loss: Loss::Trivial,

@@ -156,7 +156,7 @@ impl Frame<'_> {
             let weight = l.float(l.round(l.max(weight, l.splat(self.least_weight))));
 
             let measured = Measured { seen, distance, weight, word: high, depth_m: depth };
-            let new = self.rules.update(l, &measured, &old, colors, &mut moved);
+            let new = self.rules.average_or_free(l, &measured, &old, colors, &mut moved);
             let (new_distance, new_weight) = (l.round(new.distance), l.round(new.weight));
             let changed = l.either(
                 l.differ_int(new_distance, old_distance),

@@ -94,12 +94,12 @@ pub(super) struct PageCache {
 struct Standing {
     /// The time at which it was needed last.
     needed: u64,
-    place: Place,
+    residency: Residency,
 }
 
 /// Where the blocks of a region are.
 #[derive(Debug)]
-enum Place {
+enum Residency {
     Memory,
     /// In memory, and unchanged on disk.
     Both(Stored),
@@ -141,16 +141,18 @@ impl PageCache {
 
     /// The regions that are on disk only and have a block that changed after a revision, in order.
     pub(super) fn away_since(&self, revision: u64) -> Vec<Region> {
-        let changed = self.regions.iter().filter(|(_, standing)| match &standing.place {
-            Place::Disk(stored) => stored.changed > revision,
-            Place::Both(_) | Place::Memory => false,
+        let changed = self.regions.iter().filter(|(_, standing)| match &standing.residency {
+            Residency::Disk(stored) => stored.changed > revision,
+            Residency::Both(_) | Residency::Memory => false,
         });
         changed.map(|(&region, _)| region).collect()
     }
 
     /// Whether a region is on disk only.
     pub(super) fn is_away(&self, region: Region) -> bool {
-        self.regions.get(&region).is_some_and(|standing| matches!(standing.place, Place::Disk(_)))
+        self.regions
+            .get(&region)
+            .is_some_and(|standing| matches!(standing.residency, Residency::Disk(_)))
     }
 
     /// Calls `show` with the blocks of each region that is on disk only, without keeping them in
@@ -160,7 +162,7 @@ impl PageCache {
         mut show: impl FnMut(Vec<(BlockKey, State, Block)>) -> Result<(), E>,
     ) -> Result<(), E> {
         for standing in self.regions.values() {
-            if let Place::Disk(stored) = &standing.place {
+            if let Residency::Disk(stored) = &standing.residency {
                 let page = self.pages.read(&stored.page)?;
                 let blocks = from_page(&page, stored.blocks);
                 show(blocks.ok_or_else(|| self.pages.damaged(&stored.page))?)?;
@@ -181,16 +183,16 @@ impl PageCache {
         for &region in regions {
             let Some(standing) = self.regions.get_mut(&region) else { continue };
             standing.needed = self.time;
-            match &standing.place {
-                Place::Disk(stored) => {
+            match &standing.residency {
+                Residency::Disk(stored) => {
                     incoming += stored.blocks;
                     missing.push(region);
                 }
-                Place::Both(stored) if access == Access::Write => {
+                Residency::Both(stored) if access == Access::Write => {
                     self.pages.free(&stored.page);
-                    standing.place = Place::Memory;
+                    standing.residency = Residency::Memory;
                 }
-                Place::Both(_) | Place::Memory => {}
+                Residency::Both(_) | Residency::Memory => {}
             }
         }
         self.make_room(resident, incoming)?;
@@ -204,7 +206,7 @@ impl PageCache {
     #[cfg(test)]
     pub(super) fn flip_pages(&mut self, whole: bool) {
         for standing in self.regions.values() {
-            if let Place::Both(stored) | Place::Disk(stored) = &standing.place
+            if let Residency::Both(stored) | Residency::Disk(stored) = &standing.residency
                 && self.pages.read(&stored.page).is_ok() == whole
             {
                 self.pages.flip(&stored.page);
@@ -228,7 +230,9 @@ impl PageCache {
     ) -> Result<(), PageError> {
         let mut read = Vec::with_capacity(regions.len());
         for region in regions {
-            if let Some(Standing { place: Place::Disk(stored), .. }) = self.regions.get(region) {
+            if let Some(Standing { residency: Residency::Disk(stored), .. }) =
+                self.regions.get(region)
+            {
                 read.push((*region, stored.blocks, self.pages.read(&stored.page)?));
             }
         }
@@ -237,12 +241,14 @@ impl PageCache {
             unpacked.map(|(region, blocks, page)| (region, from_page(&page, blocks))).collect();
         for (region, blocks) in unpacked {
             let Some(standing) = self.regions.get_mut(&region) else { continue };
-            let Place::Disk(stored) = std::mem::replace(&mut standing.place, Place::Memory) else {
+            let Residency::Disk(stored) =
+                std::mem::replace(&mut standing.residency, Residency::Memory)
+            else {
                 continue;
             };
             let Some(blocks) = blocks else {
                 let damaged = self.pages.damaged(&stored.page);
-                standing.place = Place::Disk(stored);
+                standing.residency = Residency::Disk(stored);
                 return Err(damaged);
             };
             self.figures.paged_in += blocks.len();
@@ -251,7 +257,7 @@ impl PageCache {
                 resident.put_back(key, block, state);
             }
             match access {
-                Access::Read => standing.place = Place::Both(stored),
+                Access::Read => standing.residency = Residency::Both(stored),
                 Access::Write => self.pages.free(&stored.page),
             }
         }
@@ -264,7 +270,7 @@ impl PageCache {
         for &key in &resident.keys()[first_new..] {
             let region = Region::of(key);
             if before.replace(region) != Some(region) {
-                let new = Standing { needed: self.time, place: Place::Memory };
+                let new = Standing { needed: self.time, residency: Residency::Memory };
                 self.regions.entry(region).or_insert(new).needed = self.time;
             }
         }
@@ -282,7 +288,7 @@ impl PageCache {
         let kept = self.ceiling - SLACK.min(self.ceiling / 8);
         let target = kept.saturating_sub(incoming);
         let candidates = self.regions.iter().filter(|(_, standing)| {
-            standing.needed < self.time && !matches!(standing.place, Place::Disk(_))
+            standing.needed < self.time && !matches!(standing.residency, Residency::Disk(_))
         });
         let mut oldest: Vec<_> =
             candidates.map(|(&region, standing)| (standing.needed, region)).collect();
@@ -309,7 +315,7 @@ impl PageCache {
         regions: &[(Region, Vec<BlockKey>)],
     ) -> Result<(), PageError> {
         let is_changed = |region: &Region| {
-            matches!(self.regions.get(region), Some(Standing { place: Place::Memory, .. }))
+            matches!(self.regions.get(region), Some(Standing { residency: Residency::Memory, .. }))
         };
         let view: &Volume = resident;
         let packed: Vec<_> = regions
@@ -319,15 +325,18 @@ impl PageCache {
         for ((region, keys), packed) in regions.iter().zip(packed) {
             let page = packed?.map(|bytes| self.pages.put(&bytes)).transpose()?;
             let Some(standing) = self.regions.get_mut(region) else { continue };
-            standing.place = match (std::mem::replace(&mut standing.place, Place::Memory), page) {
-                (_, Some(page)) => {
-                    let slots = keys.iter().filter_map(|&key| resident.slot(key));
-                    let changed = slots.map(|slot| resident.changed(slot)).max().unwrap_or(0);
-                    Place::Disk(Stored { page, blocks: keys.len(), changed })
-                }
-                (Place::Both(stored) | Place::Disk(stored), None) => Place::Disk(stored),
-                (Place::Memory, None) => continue,
-            };
+            standing.residency =
+                match (std::mem::replace(&mut standing.residency, Residency::Memory), page) {
+                    (_, Some(page)) => {
+                        let slots = keys.iter().filter_map(|&key| resident.slot(key));
+                        let changed = slots.map(|slot| resident.changed(slot)).max().unwrap_or(0);
+                        Residency::Disk(Stored { page, blocks: keys.len(), changed })
+                    }
+                    (Residency::Both(stored) | Residency::Disk(stored), None) => {
+                        Residency::Disk(stored)
+                    }
+                    (Residency::Memory, None) => continue,
+                };
             self.figures.paged_out += keys.len();
             self.figures.blocks_on_disk += keys.len();
             for &key in keys {

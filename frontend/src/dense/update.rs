@@ -107,7 +107,7 @@ impl Rules {
     /// What voxels store after a measurement, which may free them; `moved` grows to the largest color
     /// change.
     #[inline(always)]
-    pub(super) fn update<L: Lanes>(
+    pub(super) fn average_or_free<L: Lanes>(
         &self,
         l: L,
         new: &Measured<L>,

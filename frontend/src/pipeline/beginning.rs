@@ -13,7 +13,7 @@ use crate::local_map::{CameraPose, LocalMap};
 use crate::motion::MotionDetector;
 use crate::motion::warp::Exposure;
 use crate::pyramid::Pyramid;
-use crate::tracking::keyframe::{NewKeyframe, free_corners};
+use crate::tracking::keyframe::{NewKeyframe, unmatched_corners};
 
 /// Landmarks that the first keyframe needs.
 const LEAST_LANDMARKS: usize = 50;
@@ -40,7 +40,7 @@ impl Pipeline {
         };
         let mut findings = self.at_origin(frame, Motion::unknown());
         let view = findings.frame.view(&self.camera, findings.moving.as_ref());
-        if free_corners(&view, &[]).len() < LEAST_LANDMARKS {
+        if unmatched_corners(&view, &[]).len() < LEAST_LANDMARKS {
             findings.pose = None;
             return self.finish(findings, false);
         }

@@ -116,7 +116,7 @@ pub fn add_keyframe(
         places.push((seen.landmark, seen.pixel));
         observations.push(NewObservation { landmark, seen: *seen, descriptor });
     }
-    for (pixel, z) in free_corners(view, matches) {
+    for (pixel, z) in unmatched_corners(view, matches) {
         let ray = view.shutter.ray(view.camera, &pixel);
         let point_in_world = world_from_camera.transform(&(ray * z));
         let straight = view.shutter.straightened(view.camera, &pixel);
@@ -146,7 +146,7 @@ pub fn add_keyframe(
 /// Corners with their depths, at most one in each cell without a match: only on surfaces, and where
 /// nothing moves.
 #[must_use]
-pub fn free_corners(view: &View<'_>, matches: &[Match]) -> Vec<(Vector2<f64>, f64)> {
+pub fn unmatched_corners(view: &View<'_>, matches: &[Match]) -> Vec<(Vector2<f64>, f64)> {
     let gray = view.pyramid.level(0);
     let columns = gray.width().div_ceil(CELL_PX);
     let mut is_taken = vec![false; columns * gray.height().div_ceil(CELL_PX)];

@@ -17,7 +17,7 @@ use super::digest::{self, Content};
 use super::numbers::is_finite;
 use super::{
     CameraEntity, Change, ClientIndex, Constraint, EntityId, EntityRef, Item, ItemLandmark,
-    ItemObservation, Map, NewLandmark, Observation, Place, Prior, Reason, Rejection,
+    ItemObservation, Map, MeasuredPosition, NewLandmark, Observation, Prior, Reason, Rejection,
 };
 
 /// Side of the largest image in pixels, where the camera does not say how large its images are.
@@ -243,10 +243,10 @@ impl Check<'_> {
                 let keyframe = self.keyframe("position_prior.keyframe", keyframe);
                 let position_in_world = self.place(place)?;
                 let information = match place {
-                    Place::InWorld(_) => {
+                    MeasuredPosition::InWorld(_) => {
                         self.information("position_prior.information", &information)?
                     }
-                    Place::OnEarth(_) => information,
+                    MeasuredPosition::OnEarth(_) => information,
                 };
                 let prior = Prior::Position {
                     keyframe: keyframe?,
@@ -263,12 +263,12 @@ impl Check<'_> {
     }
 
     /// A measured position in the world frame.
-    fn place(&mut self, place: Place) -> Option<Vector3<f64>> {
+    fn place(&mut self, place: MeasuredPosition) -> Option<Vector3<f64>> {
         match place {
-            Place::InWorld(point) => {
+            MeasuredPosition::InWorld(point) => {
                 Some(self.scaled_point("position_prior.point_in_world", &point))
             }
-            Place::OnEarth(place) => {
+            MeasuredPosition::OnEarth(place) => {
                 let frame = self.map.policy().geodetic_anchor.as_ref().map(LocalFrame::new);
                 if frame.is_none() {
                     let text = "the map's policy has no geodetic_anchor";

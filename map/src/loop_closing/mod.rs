@@ -3,8 +3,7 @@
 //! Between the index of places ([`crate::place`]), the map and the geometric verification of
 //! `covis-solvers`: a view's descriptors go to the index, what it finds is verified against the landmarks
 //! around each candidate, and the first one that holds is the place. A verdict is a function of map,
-//! view and candidates. [Decision 0025](../../../docs/decisions/0025-closing-loops.md) says what is believed
-//! of the odometry. No async and no clock; nothing is changed here.
+//! view and candidates. Decision 0025 says what is believed of the odometry. No async and no clock; nothing is changed here.
 
 mod alignment;
 mod path;
@@ -235,7 +234,7 @@ fn verify(
     };
     match verification::verify(&input, &likeness, &options).map_err(|error| unusable(&error))? {
         Verdict::Refused(refusal) => Err(refused(&refusal)),
-        Verdict::Same(verified) => {
+        Verdict::Accepted(verified) => {
             let landmark = |&(point, feature): &(usize, usize)| (around.landmarks[point], feature);
             let landmarks = verified.inliers.iter().map(landmark).collect();
             let world_from_view =
@@ -246,10 +245,10 @@ fn verify(
     }
 }
 
-/// Searches the place of a keyframe, by what it sees, among `candidates`, and makes a loop closure where one holds and the
-/// way that the robot went does not exclude it. The closure has no id yet.
+/// Judges the candidates for the place of a keyframe, in their order, and makes a loop closure of the first
+/// one that holds, where the way that the robot went does not exclude it. The closure has no id yet.
 #[must_use]
-pub fn close(
+pub fn find_loop_closure(
     map: &Map,
     (keyframe, view): (EntityId, &View<'_>),
     candidates: &[Candidate],

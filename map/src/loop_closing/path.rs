@@ -34,7 +34,7 @@ const METERS_PER_RADIAN: f64 = 1.0;
 
 /// A way from a keyframe to another one.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct OdometryPath {
     /// The pose of the other one in the frame of the first, as it was measured on the way.
     motion: Se3,
     /// Length, m.
@@ -43,7 +43,7 @@ struct Way {
     angle: f64,
 }
 
-impl Way {
+impl OdometryPath {
     /// Of no length.
     fn none() -> Self {
         Self { motion: Se3::identity(), length: 0.0, angle: 0.0 }
@@ -89,9 +89,14 @@ pub(super) fn expected(
 }
 
 /// The shortest way from one keyframe to another (Dijkstra 1959).
-fn shortest(map: &Map, from: EntityId, to: EntityId, interrupt: &Interrupt) -> Option<Way> {
+fn shortest(
+    map: &Map,
+    from: EntityId,
+    to: EntityId,
+    interrupt: &Interrupt,
+) -> Option<OdometryPath> {
     let odom = |id: EntityId| map.keyframes().get(&id).map(|k| k.odom_from_camera);
-    let mut best: BTreeMap<EntityId, Way> = BTreeMap::from([(from, Way::none())]);
+    let mut best: BTreeMap<EntityId, OdometryPath> = BTreeMap::from([(from, OdometryPath::none())]);
     // Costs by their bits: those of numbers that are not negative order as the numbers do.
     let mut queue = BinaryHeap::from([Reverse((0, from))]);
     while let Some(Reverse((cost, id))) = queue.pop() {

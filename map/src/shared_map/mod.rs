@@ -68,7 +68,7 @@ impl<K, V> SharedMap<K, V> {
 }
 
 /// Where a key is or would be inserted: its branch, its leaf and its place in the leaf.
-type Place = (usize, usize, Result<usize, usize>);
+type Position = (usize, usize, Result<usize, usize>);
 
 /// The part that holds a key if any does; `None` below the first.
 fn part_of<K: Ord, T>(parts: &[(K, T)], key: &K) -> Option<usize> {
@@ -85,7 +85,7 @@ fn place_near<K: Ord + Copy, V>(leaf: &[(K, V)], at: usize, key: &K) -> Result<u
 
 impl<K: Ord + Copy, V> SharedMap<K, V> {
     /// `None` below all entries.
-    fn place(&self, key: &K) -> Option<Place> {
+    fn place(&self, key: &K) -> Option<Position> {
         let branch = part_of(&self.branches, key)?;
         let leaves = &self.branches[branch].1;
         let leaf = part_of(leaves, key)?;
@@ -217,7 +217,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
     }
 
     /// Inserts a key without a value at its place; returns its new place.
-    fn insert_at(&mut self, place: Option<Place>, key: K, value: V) -> (usize, usize, usize) {
+    fn insert_at(&mut self, place: Option<Position>, key: K, value: V) -> (usize, usize, usize) {
         self.len += 1;
         if self.branches.is_empty() {
             self.branches.push((key, Arc::new(vec![(key, Arc::new(Vec::new()))])));

@@ -192,7 +192,7 @@ impl<L: Lanes> Seen<L> {
 }
 
 /// Where in [`Inputs::points`] the landmark at a sorted position is.
-pub(super) trait Place: Copy {
+pub(super) trait PointIndex: Copy {
     fn of(self, position: u32) -> usize;
 }
 
@@ -200,7 +200,7 @@ pub(super) trait Place: Copy {
 #[derive(Clone, Copy)]
 pub(super) struct Everywhere;
 
-impl Place for Everywhere {
+impl PointIndex for Everywhere {
     #[inline(always)]
     fn of(self, position: u32) -> usize {
         4 * position as usize
@@ -214,7 +214,7 @@ pub(super) struct InTile {
     pub(super) first: usize,
 }
 
-impl Place for InTile {
+impl PointIndex for InTile {
     #[inline(always)]
     fn of(self, position: u32) -> usize {
         // Lanes past the tile's end read any landmark; what they compute is not used.
@@ -226,7 +226,7 @@ impl Place for InTile {
 fn look<L: Lanes, M: LaneModel>(
     l: L,
     inputs: &Inputs<'_>,
-    place: impl Place,
+    place: impl PointIndex,
     first: usize,
 ) -> Seen<L> {
     let sorted = inputs.sorted;
@@ -356,7 +356,9 @@ struct Linearize<'a, M, P, const R: usize> {
     place: P,
 }
 
-impl<L: Lanes, M: LaneModel, P: Place, const R: usize> Subroutine<L> for Linearize<'_, M, P, R> {
+impl<L: Lanes, M: LaneModel, P: PointIndex, const R: usize> Subroutine<L>
+    for Linearize<'_, M, P, R>
+{
     type Output = Linearized<L, R>;
 
     #[inline(always)]
@@ -432,7 +434,7 @@ impl<L: Lanes, const R: usize> Subroutine<L> for LinearizeAny<'_, R> {
 
 /// The Jacobians of eight observations before the loss.
 #[inline(always)]
-pub(super) fn by_model<L: Lanes, P: Place, const R: usize>(
+pub(super) fn by_model<L: Lanes, P: PointIndex, const R: usize>(
     l: L,
     inputs: &Inputs<'_>,
     first: usize,

@@ -139,7 +139,7 @@ pub struct Verified {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
     /// The query shows the candidate's place.
-    Same(Box<Verified>),
+    Accepted(Box<Verified>),
     /// It does not, or it cannot be told.
     Refused(Refusal),
 }
@@ -156,7 +156,7 @@ pub fn verify(
 ) -> Result<Verdict, InputError> {
     validate(input)?;
     Ok(match verified(input, likeness, options) {
-        Ok(verified) => Verdict::Same(Box::new(verified)),
+        Ok(verified) => Verdict::Accepted(Box::new(verified)),
         Err(refusal) => Verdict::Refused(refusal),
     })
 }

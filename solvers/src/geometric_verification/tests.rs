@@ -10,14 +10,14 @@ use scene::{Made, Scene, verdict_of};
 
 fn same(verdict: &Verdict) -> &Verified {
     match verdict {
-        Verdict::Same(verified) => verified,
+        Verdict::Accepted(verified) => verified,
         Verdict::Refused(refusal) => panic!("{refusal}"),
     }
 }
 
 fn reason(verdict: &Verdict) -> &'static str {
     match verdict {
-        Verdict::Same(_) => "same",
+        Verdict::Accepted(_) => "same",
         Verdict::Refused(refusal) => refusal.name(),
     }
 }
@@ -28,7 +28,7 @@ fn nees(scene: &Scene, options: &Options, seeds: std::ops::Range<u64>) -> (f64, 
     let (mut sum, mut accepted) = (0.0, 0.0);
     for seed in seeds {
         let made = scene.make(seed);
-        if let Verdict::Same(verified) = verdict_of(&made, options) {
+        if let Verdict::Accepted(verified) = verdict_of(&made, options) {
             let error = verified.candidate_from_query.minus(&made.truth);
             sum += verified.information.squared_norm(&error) / 6.0;
             accepted += 1.0;

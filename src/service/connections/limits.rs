@@ -1,4 +1,4 @@
-//! How many connections a server holds, and how long one may keep its place without use. This
+//! How many connections a server holds, and how long one may keep its slot without use. This
 //! module has only the numbers; `registry` and `serving` enforce them.
 
 use std::time::Duration;
@@ -12,7 +12,7 @@ pub struct ConnectionLimits {
     /// Most connections at once, strangers included (512). They never exceed half of the files that
     /// the process may open, because journals need the rest.
     pub max_connections: usize,
-    /// Strangers at once (256). A new one takes the place of the oldest stranger of the network
+    /// Strangers at once (256). A new one takes the slot of the oldest stranger of the network
     /// that has most of them, so that strangers keep nobody out.
     pub max_strangers: usize,
     /// How long a connection may be a stranger: the time for the TLS handshake, the preface of HTTP/2
@@ -46,7 +46,7 @@ impl ConnectionLimits {
     pub(super) fn within(self, descriptors: Option<u64>) -> Self {
         let half = descriptors.and_then(|limit| usize::try_from(limit / 2).ok());
         let max_connections = self.max_connections.min(half.unwrap_or(usize::MAX)).max(2);
-        // Callers with a token need a place too.
+        // Callers with a token need a slot too.
         let max_strangers = self.max_strangers.clamp(1, max_connections.div_ceil(2));
         if max_connections < self.max_connections {
             tracing::warn!(

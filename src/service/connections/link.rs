@@ -163,7 +163,7 @@ impl Peer {
     /// The guard has admitted a call: the connection is no longer a stranger.
     ///
     /// # Errors
-    /// [`ServiceError::ServerLimit`] if connections with calls have all places.
+    /// [`ServiceError::ServerLimit`] if connections with calls have all slots.
     pub(in crate::service) fn admitted(&self) -> Result<(), ServiceError> {
         if self.0.is_known() {
             return Ok(());

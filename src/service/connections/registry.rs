@@ -1,4 +1,4 @@
-//! All connections of a server, and which one is closed when no place is left. This module uses no
+//! All connections of a server, and which one is closed when no slot is left. This module uses no
 //! sockets: a connection is closed through its link.
 
 use std::collections::BTreeMap;
@@ -33,7 +33,7 @@ pub(in crate::service) struct Ends {
     pub(in crate::service) displaced: Counter,
     /// A stranger whose time was over.
     pub(in crate::service) stranger_time: Counter,
-    /// Without a call for too long, or for the longest time when a place was needed.
+    /// Without a call for too long, or for the longest time when a slot was needed.
     pub(in crate::service) idle: Counter,
 }
 
@@ -86,8 +86,8 @@ impl Connections {
         (table.strangers.len(), table.known.len())
     }
 
-    /// A place for a new connection; if none is free, another stranger loses its place.
-    pub(in crate::service) fn enter(self: &Arc<Self>, peer: SocketAddr) -> Place {
+    /// A slot for a new connection; if none is free, another stranger loses its slot.
+    pub(in crate::service) fn enter(self: &Arc<Self>, peer: SocketAddr) -> Slot {
         let mut table = self.table.lock();
         while table.strangers.len() >= self.limits.max_strangers {
             let Some(link) = table.displaced().and_then(|id| table.strangers.remove(&id)) else {
@@ -100,7 +100,7 @@ impl Connections {
         table.next += 1;
         let link = Link::new(id, peer, Arc::downgrade(self));
         table.strangers.insert(id, Arc::clone(&link));
-        Place { link, connections: Arc::clone(self) }
+        Slot { link, connections: Arc::clone(self) }
     }
 
     /// Moves a stranger to the known connections.
@@ -132,19 +132,19 @@ impl Connections {
     }
 }
 
-/// The place of a connection; dropping it ends the connection and releases the place.
+/// The slot of a connection; dropping it ends the connection and releases the slot.
 #[derive(Debug)]
-pub(in crate::service) struct Place {
+pub(in crate::service) struct Slot {
     link: Arc<Link>,
     connections: Arc<Connections>,
 }
 
-impl Place {
+impl Slot {
     pub(super) fn link(&self) -> &Arc<Link> {
         &self.link
     }
 
-    /// Resolves when another connection needs the place.
+    /// Resolves when another connection needs the slot.
     pub(in crate::service) async fn closed(&self) {
         self.link.closed().await;
     }
@@ -154,7 +154,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for Slot {
     fn drop(&mut self) {
         self.link.close();
         self.connections.leave(self.link.id);
@@ -177,9 +177,9 @@ mod tests {
         text.parse().unwrap()
     }
 
-    fn is_closed(place: &Place) -> bool {
+    fn is_closed(slot: &Slot) -> bool {
         let mut cx = std::task::Context::from_waker(std::task::Waker::noop());
-        place.link().poll_closed(&mut cx).is_ready()
+        slot.link().poll_closed(&mut cx).is_ready()
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Accepts sockets, gives each a place, makes the TLS handshake if configured, and passes it to the
+//! Accepts sockets, gives each a slot, makes the TLS handshake if configured, and passes it to the
 //! transport; then enforces its time limits. What the services answer is not known here.
 
 use std::io;
@@ -11,7 +11,7 @@ use tokio_stream::{Stream, StreamExt};
 use tonic::service::Routes;
 
 use super::link::Link;
-use super::registry::Place;
+use super::registry::Slot;
 use super::socket::{Connection, Secured};
 use super::{Accepted, Socket};
 use crate::service::context::Context;
@@ -62,9 +62,9 @@ async fn accept<S: Socket>(
             () = &mut drained => return,
             next = incoming.next(), if is_open => match next {
                 Some(Ok((socket, peer))) => {
-                    let place = context.connections.enter(peer);
+                    let slot = context.connections.enter(peer);
                     let (transport, context) = (transport.clone(), Arc::clone(context));
-                    running.spawn(connection(socket, place, transport, context));
+                    running.spawn(connection(socket, slot, transport, context));
                 }
                 Some(Err(error)) if is_of_one_socket(&error) => {}
                 Some(Err(error)) => {
@@ -98,17 +98,12 @@ fn is_of_one_socket(error: &io::Error) -> bool {
 }
 
 /// A connection from its accept to its end.
-async fn connection<S: Socket>(
-    socket: S,
-    place: Place,
-    transport: Transport,
-    context: Arc<Context>,
-) {
-    let link = Arc::clone(place.link());
+async fn connection<S: Socket>(socket: S, slot: Slot, transport: Transport, context: Arc<Context>) {
+    let link = Arc::clone(slot.link());
     let Transport { server, routes, tls } = transport;
     let socket = match tls {
         None => Secured::Plain(socket),
-        Some(tls) => match handshake(&tls, socket, &place, &context).await {
+        Some(tls) => match handshake(&tls, socket, &slot, &context).await {
             Some(socket) => socket,
             None => return,
         },
@@ -128,7 +123,7 @@ async fn connection<S: Socket>(
                 tracing::debug!(%error, "a connection ended badly");
             }
         }
-        () = watch_over(&link, &place) => {}
+        () = watch_over(&link, &slot) => {}
     }
 }
 
@@ -136,16 +131,16 @@ async fn connection<S: Socket>(
 async fn handshake<S: Socket>(
     tls: &Tls,
     socket: S,
-    place: &Place,
+    slot: &Slot,
     context: &Context,
 ) -> Option<Secured<S>> {
-    let (link, limits) = (place.link(), place.connections().limits());
+    let (link, limits) = (slot.link(), slot.connections().limits());
     let made = tokio::select! {
         made = tls.current().accept(socket) => made,
-        // A newer stranger has taken its place, which is already counted.
+        // A newer stranger has taken its slot, which is already counted.
         () = link.closed() => return None,
         () = sleep_until(link.since + limits.stranger_time) => {
-            place.connections().ends.stranger_time.increment();
+            slot.connections().ends.stranger_time.increment();
             Err(io::ErrorKind::TimedOut.into())
         }
     };
@@ -160,8 +155,8 @@ async fn handshake<S: Socket>(
 }
 
 /// Ends the connection when its time is over; resolves when it was closed for that reason.
-async fn watch_over(link: &Link, place: &Place) {
-    let (limits, ends) = (place.connections().limits(), &place.connections().ends);
+async fn watch_over(link: &Link, slot: &Slot) {
+    let (limits, ends) = (slot.connections().limits(), &slot.connections().ends);
     tokio::select! {
         () = link.known() => {}
         () = sleep_until(link.since + limits.stranger_time) => {

@@ -20,7 +20,7 @@ use super::time::nanoseconds;
 use super::{Path, Violations, all, edit, ids};
 use crate::map::{
     CameraEntity, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest, EntityRef, Item,
-    ItemLandmark, ItemObservation, PartialItem, Place, Reason, Rejection,
+    ItemLandmark, ItemObservation, MeasuredPosition, PartialItem, Reason, Rejection,
 };
 use crate::wire::v1;
 use v1::ingest_request::Item as WireItem;
@@ -357,7 +357,7 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
     Item::PositionPrior {
         id,
         keyframe,
-        place: place.unwrap_or(Place::InWorld(Vector3::zeros())),
+        place: place.unwrap_or(MeasuredPosition::InWorld(Vector3::zeros())),
         point_in_camera: arm.unwrap_or_default(),
         information,
         loss,
@@ -365,15 +365,19 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
 }
 
 /// Where a position prior has its point: in the world or on the Earth, not both.
-fn place(at: Path<'_>, message: &v1::PositionPrior, out: &mut Violations) -> Option<Place> {
+fn place(
+    at: Path<'_>,
+    message: &v1::PositionPrior,
+    out: &mut Violations,
+) -> Option<MeasuredPosition> {
     let (world, earth) = (at.field("point_in_world"), at.field("geodetic_point"));
     match (&message.point_in_world, &message.geodetic_point) {
         (Some(_), Some(_)) => {
             let text = "the position is given in the world too";
             out.report(earth, Reason::Inconsistent, text)
         }
-        (point, None) => vector3(world, point.as_ref(), out).map(Place::InWorld),
-        (None, Some(place)) => geodetic(earth, place, out).map(Place::OnEarth),
+        (point, None) => vector3(world, point.as_ref(), out).map(MeasuredPosition::InWorld),
+        (None, Some(place)) => geodetic(earth, place, out).map(MeasuredPosition::OnEarth),
     }
 }
 

@@ -93,7 +93,7 @@ impl Durability {
     }
 
     /// Acknowledges an item once the journal is durable up to `revision`.
-    pub(super) fn wait(
+    pub(super) fn acknowledge_when_durable(
         &mut self,
         client: ClientIndex,
         sequence: i64,

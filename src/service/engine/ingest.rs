@@ -301,7 +301,7 @@ impl Ingest {
     }
 
     /// Sends OPTIMIZED acks to those clients that have a stream, up to their sequences.
-    pub(super) fn optimized(
+    pub(super) fn acknowledge_optimized(
         &mut self,
         marks: impl IntoIterator<Item = (ClientIndex, i64)>,
         revision: i64,

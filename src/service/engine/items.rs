@@ -77,7 +77,8 @@ impl Actor {
                     receipt.send(ack(revision, AckStatus::Received { duplicate: true }));
                     if let Some(durable) = durable {
                         // It was journaled at this revision or before it.
-                        self.durability.wait(client, sequence, revision, durable);
+                        self.durability
+                            .acknowledge_when_durable(client, sequence, revision, durable);
                     }
                     if optimized.is_some() {
                         self.ingest.keep(client, optimized);
@@ -103,7 +104,9 @@ impl Actor {
         receipt.send(ack(revision, AckStatus::Received { duplicate }));
         match durable {
             Some(durable) if position.durable => durable.send(ack(revision, AckStatus::Durable)),
-            Some(durable) => self.durability.wait(client, sequence, revision, durable),
+            Some(durable) => {
+                self.durability.acknowledge_when_durable(client, sequence, revision, durable)
+            }
             None => {}
         }
         let waits = optimized.is_some();
@@ -194,6 +197,6 @@ impl Actor {
     fn nothing_to_solve(&mut self, client: ClientIndex, sequence: i64) {
         let mark = self.solving.schedule.push_done(client, sequence);
         let marks = mark.map(|mark| (client, mark));
-        self.ingest.optimized(marks, self.map.revision(), 0, &SolveReport::Nothing);
+        self.ingest.acknowledge_optimized(marks, self.map.revision(), 0, &SolveReport::Nothing);
     }
 }

@@ -16,7 +16,7 @@ use super::handle::Shared;
 use super::places::Places;
 use super::pool::{Slot, SolvePanicked, SolverPool};
 use super::{EngineError, Estimate, Resource};
-use crate::loop_closing::{View, close, excluded, not_indexed};
+use crate::loop_closing::{View, excluded, find_loop_closure, not_indexed};
 use crate::map::{Change, Constraint, EntityId, Map, PlaceRefusal, PlaceSearch};
 
 /// Keyframes whose places are searched in one task. A search takes 10 to 100 ms, and its closure waits
@@ -113,7 +113,7 @@ fn find(
                 Err(error) => (refused(not_indexed(&error)), None),
                 Ok(candidates) => {
                     let (mut search, closure) =
-                        close(map, (keyframe, &view), &candidates, interrupt);
+                        find_loop_closure(map, (keyframe, &view), &candidates, interrupt);
                     search.refusal = places.refusal(keyframe);
                     (search, closure)
                 }

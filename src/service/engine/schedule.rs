@@ -92,13 +92,13 @@ impl Schedule {
     }
 
     /// The open loop closures and priors: one pose graph covers them all.
-    pub(super) fn loops(&self) -> Vec<u64> {
+    pub(super) fn pose_graph_triggers(&self) -> Vec<u64> {
         let is_loop = |task: &Task| matches!(task, Task::Loop | Task::Prior);
         self.open.iter().filter(|(_, t)| is_loop(&t.task)).map(|(&a, _)| a).collect()
     }
 
     /// Whether a pose graph is due: a loop closure is open, or a prior that need not wait for a window.
-    pub(super) fn is_loop_due(&self, window_first: bool) -> bool {
+    pub(super) fn is_pose_graph_due(&self, window_first: bool) -> bool {
         let has = |task: &Task| self.open.values().any(|trigger| trigger.task == *task);
         has(&Task::Loop) || (has(&Task::Prior) && !(window_first && self.has_window()))
     }
@@ -180,7 +180,7 @@ mod tests {
         schedule.push(A, 3, Task::around(keyframe(A, 0)));
         schedule.push(A, 5, Task::Loop);
         schedule.push(B, 1, Task::around(keyframe(B, 0)));
-        let loops = schedule.loops();
+        let loops = schedule.pose_graph_triggers();
         assert_eq!(schedule.preview(&loops), []);
         assert_eq!(schedule.close(&loops), []);
         assert_eq!(schedule.push_done(A, 6), None);
@@ -198,7 +198,7 @@ mod tests {
         schedule.push(A, 3, Task::Loop);
         schedule.push(B, 1, Task::Loop);
         assert_eq!(schedule.push_done(A, 4), None);
-        let running = schedule.loops();
+        let running = schedule.pose_graph_triggers();
         schedule.forget(A);
         assert_eq!(schedule.preview(&running), [(B, 1)]);
         assert_eq!(schedule.close(&running), [(B, 1)]);
@@ -231,7 +231,7 @@ mod tests {
         schedule.push(A, 2, Task::around(keyframe(A, 1)));
         assert_eq!(schedule.within(&group[1..2], &group[..2]), [2], "one of three is not in it");
         assert_eq!(schedule.within(&group, &[]), [0, 2]);
-        let loops = schedule.loops();
+        let loops = schedule.pose_graph_triggers();
         assert_eq!(schedule.close(&loops), [], "the item waits for its window too");
         assert_eq!(schedule.close(&[0, 2]), [(A, 2)]);
     }

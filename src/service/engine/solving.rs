@@ -70,7 +70,7 @@ impl Solving {
     pub(super) fn leaves_room(&self, is_lock_step: bool) -> bool {
         let runs_window =
             self.work.running().is_none_or(|running| running.kind == SolveKind::LocalBundle);
-        let waits = self.schedule.is_loop_due(false) || self.job.is_some();
+        let waits = self.schedule.is_pose_graph_due(false) || self.job.is_some();
         if is_lock_step { self.is_idle() } else { runs_window && !waits }
     }
 
@@ -82,7 +82,7 @@ impl Solving {
         is_lock_step: bool,
     ) -> Option<Vec<u64>> {
         while self.work.is_free() {
-            if self.schedule.is_loop_due(self.prior_went) {
+            if self.schedule.is_pose_graph_due(self.prior_went) {
                 self.prior_went = true;
                 let ceiling = self.shared.config.ceiling();
                 let optimizer = optimizer::Options { ceiling, ..optimizer::Options::default() };
@@ -132,7 +132,9 @@ impl Solving {
                 (SolveKind::Global, self.schedule.all())
             }
             // Covers no windows: a pose graph moves no landmark relative to its keyframes.
-            OptimizeProblem::PoseGraph { .. } => (SolveKind::PoseGraph, self.schedule.loops()),
+            OptimizeProblem::PoseGraph { .. } => {
+                (SolveKind::PoseGraph, self.schedule.pose_graph_triggers())
+            }
         };
         let optimizer = &options.optimizer;
         let estimate = Estimate::of_map(map.usage(), optimizer.max_iterations, &optimizer.ceiling);
@@ -272,7 +274,7 @@ impl Actor {
     /// Closes triggers and sends the OPTIMIZED acks that this completes.
     fn optimized(&mut self, triggers: &[u64], solve_id: i64, report: &SolveReport) {
         let marks = self.solving.schedule.close(triggers);
-        self.ingest.optimized(marks, self.map.revision(), solve_id, report);
+        self.ingest.acknowledge_optimized(marks, self.map.revision(), solve_id, report);
     }
 
     /// Handles the end of the running solve.

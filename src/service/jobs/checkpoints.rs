@@ -19,7 +19,7 @@ use crate::store::JobFileError;
 const BETWEEN_S: f64 = 10.0;
 
 /// Where the checkpoints of one solve lie.
-pub(super) trait Place: Send {
+pub(super) trait CheckpointStorage: Send {
     /// The last one, if there is one that can be read.
     fn last(&self) -> Option<Checkpoint>;
 
@@ -29,7 +29,7 @@ pub(super) trait Place: Send {
 
 /// Keeps the checkpoints of one solve.
 pub(super) struct Checkpoints {
-    place: Box<dyn Place>,
+    storage: Box<dyn CheckpointStorage>,
     /// When the last one was kept, seconds of the solve.
     last_s: f64,
     /// Whether a test holds the solve after a checkpoint.
@@ -39,14 +39,18 @@ pub(super) struct Checkpoints {
 }
 
 impl Checkpoints {
-    pub(super) fn new(place: impl Place + 'static, holds: bool, means: &Means<'_>) -> Self {
+    pub(super) fn new(
+        storage: impl CheckpointStorage + 'static,
+        holds: bool,
+        means: &Means<'_>,
+    ) -> Self {
         let (cancellation, tell) = (Arc::clone(&means.cancellation), Arc::clone(&means.tell));
-        Self { place: Box::new(place), last_s: 0.0, holds, cancellation, tell }
+        Self { storage: Box::new(storage), last_s: 0.0, holds, cancellation, tell }
     }
 
     /// The last checkpoint of an earlier attempt, if there is one.
     pub(super) fn last(&self) -> Option<Checkpoint> {
-        self.place.last()
+        self.storage.last()
     }
 }
 
@@ -60,7 +64,7 @@ impl Keeper for Checkpoints {
     }
 
     fn keep(&mut self, checkpoint: Checkpoint) {
-        if let Err(error) = self.place.keep(&checkpoint) {
+        if let Err(error) = self.storage.keep(&checkpoint) {
             tracing::warn!(error, "a checkpoint cannot be written");
             return;
         }
@@ -102,7 +106,7 @@ impl OnDisk {
     }
 }
 
-impl Place for OnDisk {
+impl CheckpointStorage for OnDisk {
     fn last(&self) -> Option<Checkpoint> {
         match self.context.jobs.files.read_checkpoint(&self.entry.uid, self.number) {
             Ok(checkpoint) => Some(checkpoint),

@@ -12,7 +12,7 @@ use covis_solvers::bundle_adjustment::Checkpoint;
 use prost::Message;
 use tokio::runtime::Handle;
 
-use super::checkpoints::{Checkpoints, Place};
+use super::checkpoints::{CheckpointStorage, Checkpoints};
 use super::run::{failure, pause};
 use super::solving::{self, Means, Solved, Task, Tell};
 use super::task::{decode_task, encode_result};
@@ -174,8 +174,8 @@ impl Worker {
             cancellation: Arc::clone(cancellation),
             tell,
         };
-        let place = InQueue { taken: Arc::clone(taken), runtime: Handle::current() };
-        let kept = Checkpoints::new(place, self.holds, &means);
+        let storage = InQueue { taken: Arc::clone(taken), runtime: Handle::current() };
+        let kept = Checkpoints::new(storage, self.holds, &means);
         Ok(solving::solve(&task, &means, move || Ok(inputs), kept).await)
     }
 }
@@ -186,7 +186,7 @@ struct InQueue {
     runtime: Handle,
 }
 
-impl Place for InQueue {
+impl CheckpointStorage for InQueue {
     fn last(&self) -> Option<Checkpoint> {
         // A task that nobody had before has none.
         if self.taken.attempts() == 1 {

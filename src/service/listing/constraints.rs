@@ -33,7 +33,7 @@ pub(in crate::service) async fn constraints(
         let priors = map.priors().range(range.ids.clone()).map(id_of);
         for id in merged(relative, priors) {
             if let Some(entry) = to_any_constraint(map, id) {
-                pager.push(entry, range.place(id, None)).await?;
+                pager.push(entry, range.position(id, None)).await?;
             }
         }
     }

@@ -90,13 +90,13 @@ pub(in crate::service) async fn keyframes(
                 let size = message.encoded_len() + ENTRY_OVERHEAD;
                 if bytes + size > ENTRY_BYTES && !entry.observations.is_empty() {
                     let part = std::mem::replace(&mut entry, ids_only(range.name, id.id));
-                    pager.push(part, range.place(id, Some(sent))).await?;
+                    pager.push(part, range.position(id, Some(sent))).await?;
                     bytes = 0;
                 }
                 bytes += size;
                 entry.observations.push(message);
             }
-            pager.push(entry, range.place(id, None)).await?;
+            pager.push(entry, range.position(id, None)).await?;
         }
     }
     pager.finish().await

@@ -53,7 +53,7 @@ pub(in crate::service) async fn landmarks(
         for (&id, landmark) in map.landmarks().range(range.ids.clone()) {
             let mut entry = to_landmark(map, id, landmark);
             left_out.iter().for_each(|leave_out| leave_out(&mut entry));
-            pager.push(entry, range.place(id, None)).await?;
+            pager.push(entry, range.position(id, None)).await?;
         }
     }
     pager.finish().await

@@ -142,7 +142,7 @@ pub(super) async fn place_searches(
     let mut pager = Pager::new(map.revision(), pages, sink);
     for range in pages.ranges(map) {
         for (&id, search) in map.place_searches().done.range(range.ids.clone()) {
-            pager.push(to_place_search(map, id, search), range.place(id, None)).await?;
+            pager.push(to_place_search(map, id, search), range.position(id, None)).await?;
         }
     }
     pager.finish().await

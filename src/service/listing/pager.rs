@@ -1,6 +1,6 @@
 //! Cuts a stream of entities into messages, and says where a later call continues.
 //!
-//! An entry is named by its place: client, id, and for an entity in several entries how much of it
+//! An entry is named by its position: client, id, and for an entity in several entries how much of it
 //! was sent. Entities come by client name, then id; what they are and how they are read is not known
 //! here.
 
@@ -17,9 +17,9 @@ use crate::wire::v1;
 /// Most entries in a message.
 const MAX_ENTRIES: i64 = 10_000;
 
-/// The place of an entry in its list.
+/// The position of an entry in its list.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct ListPosition {
     /// The client that owns the entity.
     pub(super) client: String,
     /// The entity.
@@ -28,7 +28,7 @@ pub(super) struct Place {
     pub(super) sent: Option<usize>,
 }
 
-impl Place {
+impl ListPosition {
     /// In a token, `id.client` or `id+sent.client`.
     fn text(&self) -> String {
         let Self { client, id, sent } = self;
@@ -54,7 +54,7 @@ pub(in crate::service) struct Pages {
     /// Entries in a message; `None` for as many as fit.
     size: Option<usize>,
     /// Continues after this entry.
-    after: Option<Place>,
+    after: Option<ListPosition>,
     list: PagedList,
 }
 
@@ -69,7 +69,7 @@ impl Pages {
         let size = out.within(Path::root("page_size"), page_size, 0, MAX_ENTRIES);
         let after = match page_token {
             "" => Some(None),
-            token => list.last(token, out).and_then(Place::of_text).map(Some),
+            token => list.last(token, out).and_then(ListPosition::of_text).map(Some),
         };
         Some(Self { size: Some(size?).filter(|&size| size > 0), after: after?, list })
     }
@@ -109,9 +109,9 @@ impl Range<'_> {
         if id == continued { sent } else { 0 }
     }
 
-    /// The place of an entity of which all parts up to `sent` are sent.
-    pub(super) fn place(&self, id: EntityId, sent: Option<usize>) -> Place {
-        Place { client: self.name.to_owned(), id: id.id, sent }
+    /// The position of an entity of which all parts up to `sent` are sent.
+    pub(super) fn position(&self, id: EntityId, sent: Option<usize>) -> ListPosition {
+        ListPosition { client: self.name.to_owned(), id: id.id, sent }
     }
 }
 
@@ -158,7 +158,7 @@ pub(super) struct Pager<'a, P: Page> {
     revision: i64,
     page: P,
     bytes: usize,
-    last: Option<Place>,
+    last: Option<ListPosition>,
 }
 
 impl<'a, P: Page> Pager<'a, P> {
@@ -168,7 +168,11 @@ impl<'a, P: Page> Pager<'a, P> {
     }
 
     /// Adds an entry. Sends the message first if the entry does not fit.
-    pub(super) async fn push(&mut self, entry: P::Entry, place: Place) -> Result<(), ServiceError> {
+    pub(super) async fn push(
+        &mut self,
+        entry: P::Entry,
+        position: ListPosition,
+    ) -> Result<(), ServiceError> {
         let size = entry.encoded_len() + ENTRY_OVERHEAD;
         let count = self.page.entries().len();
         let is_full = self.pages.size.is_some_and(|most| count >= most);
@@ -182,7 +186,7 @@ impl<'a, P: Page> Pager<'a, P> {
         }
         self.bytes += size;
         self.page.entries().push(entry);
-        self.last = Some(place);
+        self.last = Some(position);
         Ok(())
     }
 
@@ -199,11 +203,11 @@ mod tests {
     #[test]
     fn a_place_is_read_as_it_was_written() {
         for (id, sent) in [(0, None), (7, Some(12)), (-3, None), (i64::MAX, Some(usize::MAX))] {
-            let place = Place { client: "robot-1".to_owned(), id, sent };
-            assert_eq!(Place::of_text(&place.text()), Some(place));
+            let position = ListPosition { client: "robot-1".to_owned(), id, sent };
+            assert_eq!(ListPosition::of_text(&position.text()), Some(position));
         }
         for text in ["", "7", "x.robot", "7+.robot", "7+-1.robot"] {
-            assert_eq!(Place::of_text(text), None, "{text}");
+            assert_eq!(ListPosition::of_text(text), None, "{text}");
         }
     }
 }

@@ -73,7 +73,7 @@ pub(super) struct Writer {
 
 /// Where a map's files are.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place<'a> {
+pub(super) struct JournalLocation<'a> {
     pub(super) disk: &'a dyn Disk,
     pub(super) folder: &'a Path,
     pub(super) uid: &'a Uid,
@@ -98,34 +98,34 @@ impl Writer {
 
     /// Repairs what an earlier failure left, then writes the group and calls fsync, if there is one;
     /// starts a new file if one is due. The group is kept.
-    pub(super) fn write(&mut self, place: &Place<'_>) -> Result<(), WriteError> {
-        self.put_right(place)?;
+    pub(super) fn write(&mut self, location: &JournalLocation<'_>) -> Result<(), WriteError> {
+        self.put_right(location)?;
         let Some(group) = &self.group else { return Ok(()) };
-        if self.length >= place.segment_bytes || self.roll {
+        if self.length >= location.segment_bytes || self.roll {
             self.file = None;
         }
-        let Some(file) = &mut self.file else { return self.begin(place) };
+        let Some(file) = &mut self.file else { return self.begin(location) };
         if let Err(error) = file.append(&group.bytes) {
             self.repair = Some(Repair::Cut);
-            return self.failed(place, error);
+            return self.failed(location, error);
         }
         file.sync().map_err(WriteError::Fatal)?;
         self.length += group.bytes.len() as u64;
         Ok(())
     }
 
-    fn begin(&mut self, place: &Place<'_>) -> Result<(), WriteError> {
+    fn begin(&mut self, location: &JournalLocation<'_>) -> Result<(), WriteError> {
         let Some(group) = &self.group else { return Ok(()) };
-        let path = place.folder.join(journal_name(group.first));
-        let mut file = place.disk.create(&path)?;
-        let mut bytes = header(place.uid, group.first);
+        let path = location.folder.join(journal_name(group.first));
+        let mut file = location.disk.create(&path)?;
+        let mut bytes = header(location.uid, group.first);
         bytes.extend_from_slice(&group.bytes);
         if let Err(error) = file.append(&bytes) {
             self.repair = Some(Repair::Remove(path));
-            return self.failed(place, error);
+            return self.failed(location, error);
         }
         file.sync().map_err(WriteError::Fatal)?;
-        match place.disk.sync_folder(place.folder) {
+        match location.disk.sync_folder(location.folder) {
             // The folder could not be opened, so that no sync of it has failed.
             Err(error) if lacks_descriptors(&error) => {
                 self.repair = Some(Repair::Remove(path));
@@ -140,17 +140,21 @@ impl Writer {
     }
 
     /// Repairs what a failed write left, at once if possible.
-    fn failed(&mut self, place: &Place<'_>, error: io::Error) -> Result<(), WriteError> {
+    fn failed(
+        &mut self,
+        location: &JournalLocation<'_>,
+        error: io::Error,
+    ) -> Result<(), WriteError> {
         if !passes(&error) {
             return Err(WriteError::Fatal(error));
         }
-        match self.put_right(place) {
+        match self.put_right(location) {
             Err(WriteError::Fatal(error)) => Err(WriteError::Fatal(error)),
             Ok(()) | Err(WriteError::Passes(_)) => Err(WriteError::Passes(error)),
         }
     }
 
-    fn put_right(&mut self, place: &Place<'_>) -> Result<(), WriteError> {
+    fn put_right(&mut self, location: &JournalLocation<'_>) -> Result<(), WriteError> {
         match &self.repair {
             None => return Ok(()),
             Some(Repair::Cut) => {
@@ -158,12 +162,12 @@ impl Writer {
                     file.truncate(self.length)?;
                 }
             }
-            Some(Repair::Remove(path)) => match place.disk.remove(path) {
+            Some(Repair::Remove(path)) => match location.disk.remove(path) {
                 Err(error) if error.kind() == ErrorKind::NotFound => {}
                 removed => removed?,
             },
             Some(Repair::Unsynced(found)) => {
-                let tail = make_durable(place.disk, place.folder, place.uid, found)?;
+                let tail = make_durable(location.disk, location.folder, location.uid, found)?;
                 let (file, length) = tail.map_or((None, 0), |(file, length)| (Some(file), length));
                 (self.file, self.length) = (file, length);
             }

@@ -53,7 +53,7 @@ impl Ground {
 
 /// What is at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum VoxelState {
     Unseen,
     Free,
     Surface,
@@ -115,7 +115,7 @@ impl Columns {
         &self,
         volume: &mut PagedVolume,
         empty: T,
-        with: impl Fn(T, i64, Place) -> T + Sync,
+        with: impl Fn(T, i64, VoxelState) -> T + Sync,
     ) -> Result<Vec<T>, PageError> {
         let [first, last] = self.heights;
         self.map(volume, [first as f64, last as f64], empty, |standing, i, j| {
@@ -177,33 +177,35 @@ impl Columns {
 
 impl Standing<'_> {
     /// What is over the center of a cell at a height in resolutions.
-    pub(super) fn at(&self, i: usize, j: usize, height: f64) -> Place {
+    pub(super) fn at(&self, i: usize, j: usize, height: f64) -> VoxelState {
         let voxel = self.columns.place(i, j, height).map(|v| v.round() as i64);
         let place = self.voxel(voxel);
-        let is_free = |step: Vector3<i64>| self.voxel(voxel + step) == Place::Free;
-        if place == Place::Behind && STEPS.iter().any(|&[x, y, z]| is_free(Vector3::new(x, y, z))) {
-            return Place::Surface;
+        let is_free = |step: Vector3<i64>| self.voxel(voxel + step) == VoxelState::Free;
+        if place == VoxelState::Behind
+            && STEPS.iter().any(|&[x, y, z]| is_free(Vector3::new(x, y, z)))
+        {
+            return VoxelState::Surface;
         }
         place
     }
 
     /// What a voxel is, regardless of its neighbors.
-    fn voxel(&self, voxel: Vector3<i64>) -> Place {
+    fn voxel(&self, voxel: Vector3<i64>) -> VoxelState {
         let [bx, by, bz] = [voxel.x, voxel.y, voxel.z].map(|v| v.div_euclid(EDGE as i64) as i32);
         let Some(block) = self.volume.block(BlockKey { x: bx, y: by, z: bz }) else {
-            return Place::Unseen;
+            return VoxelState::Unseen;
         };
         let [x, y, z] = [voxel.x, voxel.y, voxel.z].map(|v| v.rem_euclid(EDGE as i64) as usize);
         let at = Block::index(x, y, z);
         let distance = f32::from(block.distances[at]);
         if block.weights[at] < LEAST_WEIGHT {
-            Place::Unseen
+            VoxelState::Unseen
         } else if distance.abs() <= self.columns.thickness {
-            Place::Surface
+            VoxelState::Surface
         } else if distance > 0.0 {
-            Place::Free
+            VoxelState::Free
         } else {
-            Place::Behind
+            VoxelState::Behind
         }
     }
 }

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use super::paged::PagedVolume;
 use super::pages::PageError;
 pub use columns::Ground;
-use columns::{Columns, Place};
+use columns::{Columns, VoxelState};
 
 /// Which part of the volume is an obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,9 +99,9 @@ pub fn occupancy_grid(
 ) -> Result<OccupancyGrid, NavigationError> {
     let columns = Columns::new(volume, options)?;
     let cells = columns.fold(volume, Cell::Unknown, |cell, _, place| match (cell, place) {
-        (Cell::Occupied, _) | (_, Place::Surface) => Cell::Occupied,
-        (_, Place::Free) => Cell::Free,
-        (cell, Place::Unseen | Place::Behind) => cell,
+        (Cell::Occupied, _) | (_, VoxelState::Surface) => Cell::Occupied,
+        (_, VoxelState::Free) => Cell::Free,
+        (cell, VoxelState::Unseen | VoxelState::Behind) => cell,
     })?;
     Ok(OccupancyGrid { ground: columns.ground, cells })
 }
@@ -177,8 +177,8 @@ pub fn distance_slice(
     let slice = height_m / ground.resolution_m;
     let mut squares =
         columns.fold(volume, f64::INFINITY, |nearest, height, place| match place {
-            Place::Surface => nearest.min((height as f64 - slice).powi(2)),
-            Place::Unseen | Place::Free | Place::Behind => nearest,
+            VoxelState::Surface => nearest.min((height as f64 - slice).powi(2)),
+            VoxelState::Unseen | VoxelState::Free | VoxelState::Behind => nearest,
         })?;
     let (width, height) = (ground.width, ground.height);
     squares.par_chunks_mut(width).for_each(transform);
@@ -186,7 +186,7 @@ pub fn distance_slice(
     turned.par_chunks_mut(height).for_each(transform);
     let squares = transposed(&turned, height);
     let behind = columns.map(volume, [slice; 2], false, |standing, i, j| {
-        standing.at(i, j, slice) == Place::Behind
+        standing.at(i, j, slice) == VoxelState::Behind
     })?;
     let distances_m = squares.into_par_iter().zip(behind).map(|(square, is_behind)| {
         let distance = square.sqrt() * ground.resolution_m;

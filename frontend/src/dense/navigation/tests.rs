@@ -115,7 +115,7 @@ fn distances_are_those_to_the_nearest_surface_voxel() {
     let mut surface = Vec::new();
     for h in (-16..=4).map(f64::from) {
         let at = columns.map(&mut room, [h; 2], false, |standing, i, j| {
-            standing.at(i, j, h) == columns::Place::Surface
+            standing.at(i, j, h) == columns::VoxelState::Surface
         });
         let at = at.unwrap().into_iter().enumerate().filter(|(_, is_surface)| *is_surface);
         surface.extend(at.map(|(cell, _)| [(cell % width) as f64, (cell / width) as f64, h]));

@@ -138,7 +138,7 @@ fn recorded_pairs_with_a_common_view_are_verified_and_others_are_not() {
             let verdict = verify(&input, &likeness, &Options::default()).unwrap();
             again += usize::from(is_again);
             apart += usize::from(!is_again);
-            if let Verdict::Same(verified) = verdict {
+            if let Verdict::Accepted(verified) = verdict {
                 let truth = candidate.truth.inverse().compose(&query.truth);
                 let error = truth.inverse().compose(&verified.candidate_from_query);
                 if is_again {

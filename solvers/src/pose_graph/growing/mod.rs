@@ -5,11 +5,11 @@
 //! stood, and again only once its rotation has turned so far that the linear prediction of a
 //! residual may be wrong by a share of its standard deviation (after Kaess et al., "iSAM2", 2012).
 //! A pose that one edge ties to the others hangs there and costs nothing until a second edge comes.
-//! `places`: which poses are in the linear system; `linearized`: its terms, where they are made and
+//! `states`: which poses are in the linear system; `linearized`: its terms, where they are made and
 //! when they are made anew. It knows no files, and large eliminations use the rayon pool of the caller.
 
 mod linearized;
-mod places;
+mod states;
 
 use std::collections::BTreeMap;
 
@@ -27,15 +27,15 @@ use crate::problem::{PoseGraph, SolveError};
 /// Gauss-Newton steps of an update before the damped batch solver takes over.
 const MAX_STEPS: usize = 12;
 
-/// Where a pose stands.
+/// How the factors tie a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+enum PoseState {
     /// No edges tie it to the held pose yet.
     Waiting,
     /// The gauge.
     Held,
     /// Tied by one edge, whose residual is zero.
-    Hanging(usize),
+    Pendant(usize),
     /// A block of the linear system.
     Block(usize),
 }
@@ -45,14 +45,14 @@ enum Place {
 pub struct GrowingPoseGraph<G, const D: usize, const N: usize> {
     graph: PoseGraph<G, N>,
     index_of: BTreeMap<i64, usize>,
-    places: Vec<Place>,
+    states: Vec<PoseState>,
     edges_of: Vec<Vec<usize>>,
     /// Edges that came since the last update.
     fresh: Vec<usize>,
     /// Edges between poses that both wait, by edge.
     is_parked: Vec<bool>,
-    /// Hanging poses; each after the pose that its edge ties it to.
-    hanging: Vec<usize>,
+    /// Pendant poses; each after the pose that its edge ties it to.
+    pendant: Vec<usize>,
     system: GrowingCholesky<N>,
     blocks: Vec<Block<G>>,
     /// By block.
@@ -118,11 +118,11 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         Self {
             graph,
             index_of: BTreeMap::from([(id, 0)]),
-            places: vec![Place::Held],
+            states: vec![PoseState::Held],
             edges_of: vec![Vec::new()],
             fresh: Vec::new(),
             is_parked: Vec::new(),
-            hanging: Vec::new(),
+            pendant: Vec::new(),
             system: GrowingCholesky::new(),
             blocks: Vec::new(),
             motions: Vec::new(),
@@ -138,10 +138,10 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     /// # Errors
     /// [`SolveError::DuplicateId`].
     pub fn push_pose(&mut self, id: i64) -> Result<usize, SolveError> {
-        if self.index_of.insert(id, self.places.len()).is_some() {
+        if self.index_of.insert(id, self.states.len()).is_some() {
             return Err(SolveError::DuplicateId { what: "pose", id });
         }
-        self.places.push(Place::Waiting);
+        self.states.push(PoseState::Waiting);
         self.edges_of.push(Vec::new());
         Ok(self.graph.push_pose(id, G::identity()))
     }
@@ -152,7 +152,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     /// # Errors
     /// [`SolveError::IndexOutOfRange`], [`SolveError::NotFinite`].
     pub fn push_edge(&mut self, edge: RelativePose<G, N>) -> Result<(), SolveError> {
-        let (index, count) = (self.graph.edges.len(), self.places.len());
+        let (index, count) = (self.graph.edges.len(), self.states.len());
         for value in [edge.i, edge.j] {
             if value >= count {
                 let (factor, variable) = ("edge", "pose");
@@ -193,13 +193,13 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     /// Whether edges tie the pose to the held one.
     #[must_use]
     pub fn is_placed(&self, pose: usize) -> bool {
-        self.places.get(pose).is_some_and(|&place| place != Place::Waiting)
+        self.states.get(pose).is_some_and(|&state| state != PoseState::Waiting)
     }
 
     /// ½ Σ rᵀΩr over the edges between placed poses, at the estimate.
     #[must_use]
     pub fn cost(&self) -> f64 {
-        if !self.places.contains(&Place::Waiting) {
+        if !self.states.contains(&PoseState::Waiting) {
             return cost(&self.graph.edges, &self.graph.poses, Loss::Trivial, &Interrupt::NEVER);
         }
         let placed = |edge: &&RelativePose<G, N>| self.is_placed(edge.i);
@@ -238,11 +238,11 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     /// The damped solver over all blocks, from where they stand.
     fn solve_batch(&mut self) -> Result<(), SolveError> {
         let mut batch = PoseGraph::<G, N>::new();
-        let mut number = vec![usize::MAX; self.places.len()];
-        for (pose, place) in self.places.iter().enumerate() {
-            if matches!(place, Place::Held | Place::Block(_)) {
+        let mut number = vec![usize::MAX; self.states.len()];
+        for (pose, state) in self.states.iter().enumerate() {
+            if matches!(state, PoseState::Held | PoseState::Block(_)) {
                 number[pose] = batch.push_pose(self.graph.ids[pose], self.graph.poses[pose]);
-                batch.constant[number[pose]] = *place == Place::Held;
+                batch.constant[number[pose]] = *state == PoseState::Held;
             }
         }
         batch.edges = self

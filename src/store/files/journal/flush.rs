@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::super::MARK;
 use super::super::record::mark;
-use super::super::writer::{Group, Place, WriteError};
+use super::super::writer::{Group, JournalLocation, WriteError};
 use super::Journal;
 use crate::store::StoreError;
 
@@ -63,7 +63,7 @@ impl Journal {
             let start = Instant::now();
             let (disk, folder, uid) = (&*self.disk, &*self.folder, &self.uid);
             let segment_bytes = self.options.segment_bytes;
-            let written = writer.write(&Place { disk, folder, uid, segment_bytes });
+            let written = writer.write(&JournalLocation { disk, folder, uid, segment_bytes });
             match written {
                 Ok(()) => {}
                 Err(WriteError::Passes(error)) => return Some(self.wait(&error)),

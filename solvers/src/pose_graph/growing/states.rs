@@ -1,13 +1,13 @@
 //! Which poses of a growing graph are in its linear system.
 //!
-//! A new pose waits until an edge ties it to the others. With one edge it is a hanging pose: the edge
-//! places it, and it is not in the linear system. It enters the system, with the hanging poses between,
-//! once a second edge ties it. A hanging pose costs nothing and is exact: the residual of its edge is
+//! A new pose waits until an edge ties it to the others. With one edge it is a pendant pose: the edge
+//! tells where it is, and it is not in the linear system. It enters the system, with the pendant poses between,
+//! once a second edge ties it. A pendant pose costs nothing and is exact: the residual of its edge is
 //! zero. It places new poses on their edges and linearizes nothing.
 
 use nalgebra::SVector;
 
-use super::{Block, GrowingPoseGraph, Motion, Place};
+use super::{Block, GrowingPoseGraph, Motion, PoseState};
 use crate::geometry::RigidMotion;
 
 /// Neighbors in time of the poses that new edges touch, to each side: the next edges will touch them.
@@ -30,10 +30,10 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             let number = queue[next];
             next += 1;
             let (i, j) = (self.graph.edges[number].i, self.graph.edges[number].j);
-            match (self.places[i], self.places[j]) {
-                (Place::Waiting, Place::Waiting) => self.is_parked[number] = true,
-                (Place::Waiting, _) => self.hang(i, number, &mut queue),
-                (_, Place::Waiting) => self.hang(j, number, &mut queue),
+            match (self.states[i], self.states[j]) {
+                (PoseState::Waiting, PoseState::Waiting) => self.is_parked[number] = true,
+                (PoseState::Waiting, _) => self.attach(i, number, &mut queue),
+                (_, PoseState::Waiting) => self.attach(j, number, &mut queue),
                 _ => {
                     self.enter(i);
                     self.enter(j);
@@ -52,16 +52,16 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     }
 
     pub(super) fn block_of(&self, pose: usize) -> Option<usize> {
-        match self.places[pose] {
-            Place::Block(block) => Some(block),
-            Place::Waiting | Place::Held | Place::Hanging(_) => None,
+        match self.states[pose] {
+            PoseState::Block(block) => Some(block),
+            PoseState::Waiting | PoseState::Held | PoseState::Pendant(_) => None,
         }
     }
 
     /// Hangs a waiting pose on an edge; its edges that were parked come into the queue.
-    fn hang(&mut self, pose: usize, edge: usize, queue: &mut Vec<usize>) {
-        self.places[pose] = Place::Hanging(edge);
-        self.hanging.push(pose);
+    fn attach(&mut self, pose: usize, edge: usize, queue: &mut Vec<usize>) {
+        self.states[pose] = PoseState::Pendant(edge);
+        self.pendant.push(pose);
         self.graph.poses[pose] = self.hung(pose, edge);
         let parked = self.edges_of[pose].iter().copied();
         queue.extend(parked.filter(|&edge| std::mem::take(&mut self.is_parked[edge])));
@@ -77,11 +77,11 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         }
     }
 
-    /// Makes a hanging pose a block, with the hanging poses between it and the system.
+    /// Makes a pendant pose a block, with the pendant poses between it and the system.
     fn enter(&mut self, pose: usize) {
         let mut chain = Vec::new();
         let mut at = pose;
-        while let Place::Hanging(edge) = self.places[at] {
+        while let PoseState::Pendant(edge) = self.states[at] {
             chain.push((at, edge));
             let edge = &self.graph.edges[edge];
             at = if edge.i == at { edge.j } else { edge.i };
@@ -91,21 +91,21 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         }
         for &(pose, edge) in chain.iter().rev() {
             let block = self.system.push_block();
-            self.places[pose] = Place::Block(block);
+            self.states[pose] = PoseState::Block(block);
             let world_from_pose = self.graph.poses[pose];
             self.blocks.push(Block { pose, world_from_pose, checked_in: 0 });
             self.motions.push(Motion::none(&world_from_pose));
             self.checked.push(SVector::zeros());
             self.push_term(edge);
         }
-        self.hanging.retain(|&pose| matches!(self.places[pose], Place::Hanging(_)));
+        self.pendant.retain(|&pose| matches!(self.states[pose], PoseState::Pendant(_)));
     }
 
-    /// Moves the hanging poses along with the poses that their edges tie them to.
+    /// Moves the pendant poses along with the poses that their edges tie them to.
     pub(super) fn carry_hanging(&mut self) {
-        for k in 0..self.hanging.len() {
-            let pose = self.hanging[k];
-            if let Place::Hanging(edge) = self.places[pose] {
+        for k in 0..self.pendant.len() {
+            let pose = self.pendant[k];
+            if let PoseState::Pendant(edge) = self.states[pose] {
                 self.graph.poses[pose] = self.hung(pose, edge);
             }
         }
