@@ -2,7 +2,7 @@
 //!
 //! Frontends stream keyframes over gRPC, covis keeps the map, refines it and pushes corrections
 //! back. `ARCHITECTURE.md` says how it is built. The modules, lowest first; some are of crates
-//! of their own (`covis_map`, `covis_client`, `covis_frontend`), and the mathematics is `covis_solvers`:
+//! of their own (`covis_map`, `covis_client`, `covis_frontend`), and the mathematics is [`covis_solvers`]:
 //!
 //! | module | role |
 //! |---|---|

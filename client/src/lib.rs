@@ -1,23 +1,25 @@
 //! What a Rust frontend links: connect, keep maps, stream keyframes in, follow corrections.
 //!
 //! Speaks `covis.v1` (docs/wire.md) and knows nothing of the server: only the messages in [`wire`] and
-//! tonic. Messages stay the wire's own, so that nothing is lost in between.
+//! tonic. Messages stay the wire's own, so that nothing is lost in between. First what a program calls,
+//! then what stands behind it:
 //!
 //! | module | role |
 //! |---|---|
-//! | [`Client`] | one call a method |
+//! | [`Client`] | a connection; `calls` has one call a method |
 //! | `credentials` | [`Credentials`]: token, certificates, trust |
-//! | `servers` | which of several servers a client talks to |
 //! | `link` | [`LinkOptions`]: how a link that is gone is found |
-//! | `jobs` | jobs, their uploads, [`JobDownload`]: the files that they made |
 //! | `ingest` | [`IngestSession`]: send with back-pressure, acks, finish |
+//! | `watch`, `mirror` | [`MapWatch`]: a [`MapMirror`] that deltas keep up to date |
+//! | `export` | [`MapExport`]: the files of a map, chunk by chunk |
+//! | `jobs` | jobs, their uploads, [`JobDownload`]: the files that they made |
+//! | [`wire`] | generated from `proto/covis/v1`, and the codec of every call |
+//! | [`depth_noise`] | standard deviations of measured depths |
+//! | `servers` | which of several servers a client talks to |
 //! | `stream` | the task behind a session: reconnects and resumes |
 //! | `outbox` | the items that the server has not answered yet |
 //! | `spill` | the file of those that memory does not hold |
-//! | `watch` | [`MapWatch`]: a [`MapMirror`] that deltas keep up to date |
 //! | `retry`, `error` | what is tried again, and when to give up |
-//! | [`wire`] | generated from `proto/covis/v1`, and the codec of every call |
-//! | [`depth_noise`] | standard deviations of measured depths |
 //! | `decoding` | what a message takes in memory, before it is decoded |
 
 mod calls;

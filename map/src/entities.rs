@@ -1,7 +1,7 @@
 //! What a map holds: clients, cameras, keyframes, landmarks, constraints and priors.
 //!
 //! Poses are `world_from_camera`, positions `point_in_world` in meters, pixels (u, v) with integers
-//! at pixel centers. Entities are plain values: the fold in `fold.rs` is what changes them.
+//! at pixel centers. Entities are plain values: the fold in `fold/` is what changes them.
 
 use std::sync::Arc;
 

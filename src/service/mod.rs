@@ -5,19 +5,22 @@
 //!
 //! | module | role |
 //! |---|---|
+//! | `server`, `config` | starting and stopping a server; its settings |
 //! | [`engine`] | one actor per map: journal, fold, solves |
 //! | `convert` | wire ↔ domain; names bad fields |
-//! | `status` | domain error → status code, only here |
-//! | `context` | turns a handler's outcome into an answer |
+//! | `status`, `error`, `reasons` | domain error → status code, only here; why a call ends, and which field is wrong |
+//! | `context`, `deadline` | turns a handler's outcome into an answer; when a call that solves must end |
 //! | `access` | tokens, roles and tenants: who may call what |
 //! | `clock` | the clock that decides whether tokens and jobs have expired |
 //! | `jobs` | work that outlives a call |
-//! | `upload` | files that come in chunks |
+//! | `upload`, `import` | files that come in chunks; maps from them |
+//! | `bundle_solve`, `graph_solve`, `refine`, `localize` | calls that solve on the pool and change no map |
 //! | `connections` | who is connected, and for how long |
+//! | `readers` | threads for streams that read whole maps |
 //! | `tls` | certificates of the listeners |
 //! | `routes` | the services, as the listeners serve them |
 //! | `page` | the page for browsers |
-//! | `telemetry` | metrics, and spans of calls |
+//! | `telemetry`, `log_limit`, `random` | metrics, and spans of calls; a log that is not flooded; random ids |
 //! | `*_service` | one file per service of the wire; `watch`, `export`, `listing` serve `MapService` |
 
 pub mod engine;

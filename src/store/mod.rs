@@ -9,8 +9,8 @@
 //! | module | role |
 //! |---|---|
 //! | `memory` | every rule, nothing durable |
-//! | `files` | journals and snapshots as files ([decision 0011](../../docs/decisions/0011-journal.md)) |
-//! | `replicated` | the same and a stream on several machines ([decision 0037](../../docs/decisions/0037-cluster.md)), behind the feature `cluster` |
+//! | `files` | journals and snapshots as files (decision 0011) |
+//! | `replicated` | the same and a stream on several machines (decision 0037), behind the feature `cluster` |
 //! | `encoding` | events and maps as bytes |
 //! | `job_files` | records of jobs, uploads and results |
 //! | `tasks` | work that other processes do |

@@ -2,8 +2,8 @@
 //!
 //! An index over the binary descriptors of keyframes, without a vocabulary: keyframes are added, removed
 //! and asked for, in any order. Descriptors of different types (name and length) are not compared. An answer
-//! is a function of the calls so far: no clock, no threads, no random numbers. [Decision
-//! 0023](../../../docs/decisions/0023-place-recognition.md) has the choice and its figures.
+//! is a function of the calls so far: no clock, no threads, no random numbers.
+//! Decision 0023 has the choice and its figures.
 //!
 //! Whether a candidate is a loop is not decided here: its matches are where a geometric verification
 //! begins. Knows ids of the map and nothing else of it.

@@ -13,8 +13,11 @@
 //! |---|---|
 //! | `maps`, `opening` | all maps of a server: create, open, delete, shut down; their names |
 //! | `importing` | creating a map with content |
+//! | `merging`, `joining` | maps that become one and part again; what an engine does meanwhile |
+//! | `sharing` | maps that several servers share |
 //! | `handle`, `stream` | the caller's side: the handle of a map, an ingest stream |
 //! | `actor` | the task: its loop hands events from one of the parts below to another |
+//! | `items` | what one item goes through |
 //! | `ingest` | open streams, their acks, and which items are accepted |
 //! | `durability` | the journal, DURABLE acks, snapshots |
 //! | `schedule` | which items wait for which solve |
@@ -29,7 +32,7 @@
 //! | `measured_pairs` | relative poses of keyframes that a pose graph need not measure again |
 //! | `watching`, `touched` | what the engine tells watchers: what the last events touched |
 //! | `watch` | the watcher's side: changes joined, and missed ones read from the journal |
-//! | `meters` | counters and histograms |
+//! | `meters`, `error` | counters and histograms; why the engine does not do something |
 //! | `pool`, `fair_queue` | the threads of solves and computations, and the order of solves |
 //! | `account` | resources that each map, each tenant and the server hold, and their limits |
 

@@ -3,8 +3,7 @@
 //! A job is on disk before its creation is answered, and each change of its state before it is shown.
 //! A restart begins again with what ran: a solve gives the same bits as one that was not cut off. What a
 //! job has finished of several problems is not solved again, and a bundle adjustment of files goes on from
-//! its last checkpoint
-//! ([decision 0030](../../../docs/decisions/0030-jobs.md)).
+//! its last checkpoint (decision 0030).
 //!
 //! | file | role |
 //! |---|---|
