@@ -131,8 +131,9 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     /// second-order term is at most half the product of the turns.
     fn nonlinearity(&self, term: usize) -> f64 {
         let Term { ends, stiffness, .. } = self.terms[term];
-        let held = || Motion::none(&self.graph.poses[0]);
-        let [i, j] = ends.map(|end| end.map_or_else(held, |block| self.motions[block as usize]));
+        let held = Motion::none(&self.graph.poses[0]);
+        let at = |end: Option<u32>| end.map_or(&held, |block| &self.motions[block as usize]);
+        let (i, j) = (at(ends[0]), at(ends[1]));
         let (between, change) = (j.position - i.position, j.shift - i.shift);
         let shift = 0.5 * i.turn * i.turn * between.norm() + i.turn * change.norm();
         let turn = i.turn.max(j.turn);
