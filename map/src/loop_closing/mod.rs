@@ -149,7 +149,7 @@ pub fn locate(
     for candidate in candidates.iter().take(PlaceSearch::MOST_CANDIDATES) {
         let Some(keyframe) = map.keyframes().get(&candidate.keyframe) else { continue };
         let id = candidate.keyframe;
-        let found = verify(map, view, &places, (candidate, keyframe), (seed, interrupt));
+        let found = judge_candidate(map, view, &places, (candidate, keyframe), (seed, interrupt));
         let found = found.and_then(|located| match accept(id, &located.verified) {
             Ok(()) => Ok(located),
             Err(refusal) => Err(refused(&refusal)),
@@ -177,7 +177,7 @@ fn unusable(error: &InputError) -> PlaceRefusal {
     PlaceRefusal::new("refinement_failed", &error.to_string())
 }
 
-fn verify(
+fn judge_candidate(
     map: &Map,
     view: &View<'_>,
     places: &[usize],
