@@ -14,11 +14,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use covis_solvers::geometry::LieGroup;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::g2o::G2oGraph;
-use covis_solvers::linear::{BlockMatrix, BlockPattern, Cholesky};
-use covis_solvers::problem::PoseGraph;
+use covis_solvers::linear::{BlockMatrix, Cholesky};
+use covis_solvers::testing::{lower_triangle, normal_equations};
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMat, Triplet};
@@ -69,35 +68,6 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Hessian and gradient at the vertices, without the first pose.
-fn normal_equations<G: LieGroup<N>, const N: usize>(
-    graph: &PoseGraph<G, N>,
-) -> (BlockMatrix, Vec<f64>) {
-    let row = |pose: usize| pose.checked_sub(1);
-    let pairs = graph.edges.iter().filter_map(|edge| row(edge.i).zip(row(edge.j)));
-    let blocks = graph.poses.len().saturating_sub(1);
-    let pattern = Arc::new(BlockPattern::new(vec![N; blocks], pairs));
-    let mut gradient = vec![0.0; pattern.dimension()];
-    let mut matrix = BlockMatrix::new(pattern);
-    for edge in &graph.edges {
-        let pair = edge.linearize(&graph.poses[edge.i], &graph.poses[edge.j]);
-        let omega = edge.information.matrix();
-        let ends = [(row(edge.i), pair.d_i), (row(edge.j), pair.d_j)];
-        for (a, d_a) in &ends {
-            let Some(a) = *a else { continue };
-            let g = d_a.tr_mul(&(omega * pair.residual));
-            gradient[a * N..][..N].iter_mut().zip(&g).for_each(|(sum, term)| *sum += term);
-            for (b, d_b) in &ends {
-                if let Some(block) = b.and_then(|b| matrix.block_mut(a, b)) {
-                    let h = d_a.tr_mul(&(omega * d_b));
-                    block.iter_mut().zip(&h).for_each(|(sum, term)| *sum += term);
-                }
-            }
-        }
-    }
-    (matrix, gradient)
-}
-
 fn by_covis(matrix: &BlockMatrix, rhs: &[f64]) -> Result<(Times, Vec<f64>), Failure> {
     let begin = Instant::now();
     let ordered = Cholesky::order(matrix.pattern(), &Interrupt::NEVER)?;
@@ -114,7 +84,9 @@ fn by_covis(matrix: &BlockMatrix, rhs: &[f64]) -> Result<(Times, Vec<f64>), Fail
 
 fn by_faer(matrix: &BlockMatrix, rhs: &[f64]) -> Result<(Times, Vec<f64>), Failure> {
     let n = rhs.len();
-    let lower = SparseColMat::<usize, f64>::try_new_from_triplets(n, n, &lower(matrix))
+    let entries = lower_triangle(matrix).into_iter().map(|(r, c, value)| Triplet::new(r, c, value));
+    let entries: Vec<_> = entries.collect();
+    let lower = SparseColMat::<usize, f64>::try_new_from_triplets(n, n, &entries)
         .map_err(|error| format!("{error:?}"))?;
     let begin = Instant::now();
     let symbolic = SymbolicLlt::try_new(lower.symbolic(), Side::Lower)
@@ -129,24 +101,6 @@ fn by_faer(matrix: &BlockMatrix, rhs: &[f64]) -> Result<(Times, Vec<f64>), Failu
     let x = llt.solve(rhs);
     let solve = milliseconds(begin);
     Ok(([order, factor, solve], (0..n).map(|i| x[(i, 0)]).collect()))
-}
-
-/// Every stored number of the lower triangle.
-fn lower(matrix: &BlockMatrix) -> Vec<Triplet<usize, usize, f64>> {
-    let pattern = matrix.pattern();
-    let mut found = Vec::new();
-    for i in 0..pattern.block_count() {
-        for j in pattern.row(i).iter().map(|&j| j as usize) {
-            let rows = pattern.sizes()[i];
-            for (k, &value) in matrix.block(i, j).into_iter().flatten().enumerate() {
-                let (r, c) = (pattern.offset(i) + k % rows, pattern.offset(j) + k / rows);
-                if r >= c {
-                    found.push(Triplet::new(r, c, value));
-                }
-            }
-        }
-    }
-    found
 }
 
 fn milliseconds(begin: Instant) -> f64 {

@@ -2,9 +2,9 @@
 //!
 //! A [`Map`] is the fold of its [`Event`]s, which carry values: the same journal gives the same bits.
 //! [`Map::check`] turns a client's [`Item`] into a [`Change`] or refuses it with the fields' names;
-//! [`problem`] is the only place that turns a map into a solver problem, and [`applied`](applied()) turns the result
-//! of a solve into a change. No map is solved here and nothing here is asynchronous: no tokio, tonic or
-//! prost, no clock and no files.
+//! [`problem`] is the only place that turns a map into a solver problem, and [`applied`](applied())
+//! turns the result of a solve into a change. No map is solved here and nothing here is asynchronous: no
+//! tokio, tonic or prost, no clock and no files.
 //!
 //! In the order in which they are best read:
 //!

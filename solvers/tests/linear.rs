@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
+use covis_solvers::testing::lower_triangle;
 use nalgebra::{DMatrix, DVector};
 
 /// Numbers in -1..1 from a 64-bit linear congruence.
@@ -79,18 +80,10 @@ fn both(pattern: &Arc<BlockPattern>) -> [Cholesky; 2] {
 }
 
 fn to_dense(matrix: &BlockMatrix) -> DMatrix<f64> {
-    let pattern = matrix.pattern();
-    let mut dense = DMatrix::zeros(pattern.dimension(), pattern.dimension());
-    for i in 0..pattern.block_count() {
-        for j in pattern.row(i).iter().map(|&j| j as usize) {
-            let rows = pattern.sizes()[i];
-            for (k, &value) in matrix.block(i, j).unwrap().iter().enumerate() {
-                let (r, c) = (pattern.offset(i) + k % rows, pattern.offset(j) + k / rows);
-                if r >= c {
-                    (dense[(r, c)], dense[(c, r)]) = (value, value);
-                }
-            }
-        }
+    let dimension = matrix.pattern().dimension();
+    let mut dense = DMatrix::zeros(dimension, dimension);
+    for (r, c, value) in lower_triangle(matrix) {
+        (dense[(r, c)], dense[(c, r)]) = (value, value);
     }
     dense
 }

@@ -4,11 +4,10 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use covis_solvers::geometry::LieGroup;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::linear::{BlockMatrix, BlockPattern, Cholesky, Class, LinearError};
-use covis_solvers::problem::PoseGraph;
+use covis_solvers::testing::{lower_triangle, normal_equations};
 use faer::linalg::solvers::Solve;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
@@ -28,31 +27,13 @@ impl Sequence {
     }
 }
 
-/// Every stored scalar of the lower triangle.
-fn lower(matrix: &BlockMatrix) -> Vec<(usize, usize, f64)> {
-    let pattern = matrix.pattern();
-    let mut found = Vec::new();
-    for i in 0..pattern.block_count() {
-        for j in pattern.row(i).iter().map(|&j| j as usize) {
-            let rows = pattern.sizes()[i];
-            for (k, &value) in matrix.block(i, j).unwrap().iter().enumerate() {
-                let (r, c) = (pattern.offset(i) + k % rows, pattern.offset(j) + k / rows);
-                if r >= c {
-                    found.push((r, c, value));
-                }
-            }
-        }
-    }
-    found
-}
-
 /// Random off-diagonal blocks under a diagonal that outweighs them.
 fn random_matrix(pattern: &Arc<BlockPattern>, seed: u64) -> BlockMatrix {
     let mut random = Sequence(seed);
     let mut matrix = BlockMatrix::new(pattern.clone());
     matrix.values_mut().fill_with(|| random.next());
     let mut sums = vec![0.1; pattern.dimension()];
-    for (r, c, value) in lower(&matrix) {
+    for (r, c, value) in lower_triangle(&matrix) {
         sums[r] += value.abs();
         sums[c] += value.abs();
     }
@@ -69,7 +50,7 @@ fn random_matrix(pattern: &Arc<BlockPattern>, seed: u64) -> BlockMatrix {
 /// The solution by faer's own sparse Cholesky.
 fn solved_by_faer(matrix: &BlockMatrix, added: &[f64], rhs: &[f64]) -> Vec<f64> {
     let n = rhs.len();
-    let entries = lower(matrix).into_iter().map(|(r, c, value)| {
+    let entries = lower_triangle(matrix).into_iter().map(|(r, c, value)| {
         let added = if r == c { added.get(r).copied().unwrap_or(0.0) } else { 0.0 };
         Triplet::new(r, c, value + added)
     });
@@ -177,34 +158,6 @@ fn the_failing_pivot_is_named_on_any_number_of_threads() {
             assert_eq!(outcome, Err(expected), "{threads} threads");
         }
     }
-}
-
-/// JᵀΩJ and JᵀΩr at the graph's poses without the first pose.
-fn normal_equations<G: LieGroup<N>, const N: usize>(
-    graph: &PoseGraph<G, N>,
-) -> (BlockMatrix, Vec<f64>) {
-    let row = |pose: usize| pose.checked_sub(1);
-    let pairs = graph.edges.iter().filter_map(|edge| row(edge.i).zip(row(edge.j)));
-    let pattern = Arc::new(BlockPattern::new(vec![N; graph.poses.len() - 1], pairs));
-    let mut gradient = vec![0.0; pattern.dimension()];
-    let mut matrix = BlockMatrix::new(pattern);
-    for edge in &graph.edges {
-        let pair = edge.linearize(&graph.poses[edge.i], &graph.poses[edge.j]);
-        let omega = edge.information.matrix();
-        let ends = [(row(edge.i), pair.d_i), (row(edge.j), pair.d_j)];
-        for (a, d_a) in &ends {
-            let Some(a) = *a else { continue };
-            let g = d_a.tr_mul(&(omega * pair.residual));
-            gradient[a * N..][..N].iter_mut().zip(&g).for_each(|(t, s)| *t += s);
-            for (b, d_b) in &ends {
-                if let Some(block) = b.and_then(|b| matrix.block_mut(a, b)) {
-                    let h = d_a.tr_mul(&(omega * d_b));
-                    block.iter_mut().zip(&h).for_each(|(t, s)| *t += s);
-                }
-            }
-        }
-    }
-    (matrix, gradient)
 }
 
 #[test]

@@ -6,7 +6,8 @@
 //! what they say differs by no more than both maps can have drifted between them.
 //!
 //! A source that measures no lengths has a unit of its own. There each place says also how long it is, by
-//! the landmarks that both maps have of it ([`similarity`]), and two places agree in it too (decision 0034).
+//! the landmarks that both maps have of it ([`similarity`]), and two places agree in it too
+//! (decision 0034).
 
 use std::collections::BTreeMap;
 

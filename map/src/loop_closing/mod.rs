@@ -3,7 +3,8 @@
 //! Between the index of places ([`crate::place`]), the map and the geometric verification of
 //! `covis-solvers`: a view's descriptors go to the index, what it finds is verified against the landmarks
 //! around each candidate, and the first one that holds is the place. A verdict is a function of map,
-//! view and candidates. Decision 0025 says what is believed of the odometry. No async and no clock; nothing is changed here.
+//! view and candidates. Decision 0025 says what is believed of the odometry. No async and no clock;
+//! nothing is changed here.
 
 mod alignment;
 mod path;

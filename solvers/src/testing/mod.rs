@@ -1,9 +1,10 @@
-//! Tools for tests and demonstrations: numeric Jacobians, group laws, seeded sampling.
+//! Tools for tests and demonstrations: numeric Jacobians, group laws, linear systems, seeded sampling.
 //!
 //! These functions assert, so they panic on purpose when a law fails; no solver code may call
 //! them. Every random number comes from an explicit seed. Shared data are looked for in
 //! `../shared/data` beside the repository, or where `COVIS_TEST_DATA` points.
 
+pub mod hessian;
 pub mod jacobian;
 pub mod laws;
 pub mod random;
@@ -12,6 +13,7 @@ pub mod scene;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+pub use hessian::{lower_triangle, normal_equations};
 pub use jacobian::{JacobianMismatch, assert_jacobian, central_difference, check_jacobian};
 pub use laws::{assert_group_laws, assert_tangent_laws};
 pub use scene::{Scene, SceneObservation, SceneOptions};

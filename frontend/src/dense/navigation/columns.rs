@@ -179,14 +179,14 @@ impl Standing<'_> {
     /// What is over the center of a cell at a height in resolutions.
     pub(super) fn at(&self, i: usize, j: usize, height: f64) -> VoxelState {
         let voxel = self.columns.place(i, j, height).map(|v| v.round() as i64);
-        let place = self.voxel(voxel);
+        let state = self.voxel(voxel);
         let is_free = |step: Vector3<i64>| self.voxel(voxel + step) == VoxelState::Free;
-        if place == VoxelState::Behind
+        if state == VoxelState::Behind
             && STEPS.iter().any(|&[x, y, z]| is_free(Vector3::new(x, y, z)))
         {
             return VoxelState::Surface;
         }
-        place
+        state
     }
 
     /// What a voxel is, regardless of its neighbors.

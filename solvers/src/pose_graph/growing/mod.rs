@@ -231,7 +231,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             growth.is_batch = true;
             self.solve_batch()?;
         }
-        self.carry_hanging();
+        self.carry_pendant();
         Ok(growth)
     }
 

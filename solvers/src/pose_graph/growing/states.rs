@@ -102,7 +102,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     }
 
     /// Moves the pendant poses along with the poses that their edges tie them to.
-    pub(super) fn carry_hanging(&mut self) {
+    pub(super) fn carry_pendant(&mut self) {
         for k in 0..self.pendant.len() {
             let pose = self.pendant[k];
             if let PoseState::Pendant(edge) = self.states[pose] {
