@@ -121,6 +121,8 @@ def test_a_server_that_does_not_start_says_why(tmp_path, monkeypatch):
 
 PROGRAM = """
 import os, signal, sys, threading, covis
+# Whatever runs the tests in the background may have interrupts ignored, which is inherited.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 client = covis.local()
 session = client.ingest("room", "robot")
 watched = client.watch("room")
