@@ -28,17 +28,17 @@ fn versions_stand_in_the_root_manifest_only() {
     let mut offenders = Vec::new();
     for manifest in manifests() {
         for (number, section, line) in entries(&manifest) {
-            let place = format!("{}:{number}", manifest.path);
+            let location = format!("{}:{number}", manifest.path);
             let dependencies = section.rsplit('.').next().unwrap_or(&section);
             let listed =
                 dependencies.ends_with("dependencies") && section != "workspace.dependencies";
             if section.contains("dependencies.") && line.starts_with('[') {
-                offenders.push(format!("{place}: `{line}`: a dependency takes one line"));
+                offenders.push(format!("{location}: `{line}`: a dependency takes one line"));
             } else if listed && !line.starts_with('[') {
                 let inherited = line.contains("workspace = true");
                 let own_path = line.contains("path =") && !line.contains("version");
                 if !inherited && !own_path {
-                    offenders.push(format!("{place}: `{line}`: use `workspace = true`"));
+                    offenders.push(format!("{location}: `{line}`: use `workspace = true`"));
                 }
             }
         }
@@ -150,4 +150,78 @@ fn integration_tests_are_one_binary() {
         }
     }
     report("Integration tests are modules of one binary.", &offenders);
+}
+
+/// A file in the benches' folder that no crate lists would not be compiled, and one that two list
+/// would be compiled twice, by one of them without what it needs.
+#[test]
+fn every_bench_is_listed_by_one_crate() {
+    let named: Vec<String> = manifests()
+        .iter()
+        .flat_map(entries)
+        .filter(|(_, section, _)| section == "bench")
+        .filter_map(|(_, _, line)| Some(line.strip_prefix("name = ")?.trim_matches('"').to_owned()))
+        .collect();
+    let mut offenders = Vec::new();
+    for path in files().into_iter().map(|f| f.path) {
+        let Some(inner) = path.strip_prefix("benches/") else { continue };
+        let bench = match inner.split_once('/') {
+            None => inner.strip_suffix(".rs"),
+            Some((folder, "main.rs")) => Some(folder),
+            Some(_) => None,
+        };
+        if let Some(bench) = bench {
+            let crates = named.iter().filter(|name| *name == bench).count();
+            if crates != 1 {
+                offenders.push(format!("{path}: {crates} `[[bench]]` name it"));
+            }
+        }
+    }
+    let discovers =
+        |m: &File| m.path == "Cargo.toml" && !m.text.contains("\nautobenches = false\n");
+    if manifests().iter().any(discovers) {
+        offenders.push("Cargo.toml: `autobenches = false` is missing".to_owned());
+    }
+    report("Every bench is listed by one crate.", &offenders);
+}
+
+/// Where a profile differs, the fuzz targets' build compiles the dependencies once more; where a lint
+/// does, the targets are held to other rules.
+#[test]
+fn the_fuzz_targets_have_the_profiles_and_lints_of_the_root() {
+    /// What the targets do not build, and what is compiled for them apart, instrumented.
+    const APART: [&str; 10] = [
+        "async-nats",
+        "covis",
+        "covis-client",
+        "covis-frontend",
+        "covis-fuzz",
+        "covis-map",
+        "covis-solvers",
+        "criterion",
+        "prost-reflect",
+        "redb",
+    ];
+    let shared = |path: &str| -> Vec<(String, String)> {
+        manifests()
+            .iter()
+            .filter(|m| m.path == path)
+            .flat_map(entries)
+            .map(|(_, section, line)| (section, line))
+            .filter(|(section, _)| {
+                let package = section.strip_prefix("profile.dev.package.");
+                let both = package.is_none_or(|name| !APART.contains(&name));
+                both && (section.starts_with("profile.dev")
+                    || section.starts_with("workspace.lints"))
+            })
+            .collect()
+    };
+    let (root, fuzz) = (shared("Cargo.toml"), shared("fuzz/Cargo.toml"));
+    let lacks = |of: &[(String, String)], by: &[(String, String)], path: &str| -> Vec<String> {
+        let missing = of.iter().filter(|entry| !by.contains(entry));
+        missing.map(|(section, line)| format!("{path}: `[{section}]` lacks `{line}`")).collect()
+    };
+    let mut offenders = lacks(&root, &fuzz, "fuzz/Cargo.toml");
+    offenders.extend(lacks(&fuzz, &root, "Cargo.toml"));
+    report("The root's profiles and lints are those of the fuzz targets.", &offenders);
 }
