@@ -46,9 +46,9 @@ fn main() {
     }
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     let has = |name: &str| arguments.iter().any(|argument| argument == name);
-    let place = arguments.iter().position(|argument| argument == "--max-iterations");
+    let index = arguments.iter().position(|argument| argument == "--max-iterations");
     let max_iterations =
-        place.and_then(|k| arguments.get(k + 1)).map_or(100, |n| n.parse().unwrap());
+        index.and_then(|k| arguments.get(k + 1)).map_or(100, |n| n.parse().unwrap());
     let is_file = |argument: &&String| Path::new(argument.as_str()).is_file();
     for file in arguments.iter().filter(is_file) {
         let mut problem = BalFile::read(Path::new(file)).unwrap().to_problem();

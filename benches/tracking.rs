@@ -98,8 +98,8 @@ impl FrameSource for ToAndFro {
             return None;
         }
         let last = self.frames.len() - 1;
-        let place = self.next % (2 * last);
-        let mut frame = self.frames[place.min(2 * last - place)].clone();
+        let index = self.next % (2 * last);
+        let mut frame = self.frames[index.min(2 * last - index)].clone();
         frame.timestamp_s = 1.0 + self.next as f64 * self.period_s;
         self.next += 1;
         Some(Ok(frame))
@@ -189,7 +189,7 @@ async fn fill(client: &Client, map: &str, landmarks: usize) -> anyhow::Result<()
             covis_solvers::geometry::So3::identity(),
             Vector3::new(100.0 + 0.2 * id as f64, 0.0, 0.0),
         );
-        let place = |landmark: usize| {
+        let point = |landmark: usize| {
             let (row, column) = (landmark / 25 % 20, landmark % 25);
             let step = 0.08 * column as f64 + 0.2 * (landmark / LANDMARKS) as f64;
             Vector3::new(99.0 + step, 0.08 * row as f64 - 0.8, 2.0 + 0.01 * (landmark % 7) as f64)
@@ -197,7 +197,7 @@ async fn fill(client: &Client, map: &str, landmarks: usize) -> anyhow::Result<()
         let new = sent..(sent + LANDMARKS).min(landmarks);
         let seen = sent.saturating_sub(SHARED)..new.end;
         let observations = seen.filter_map(|landmark| {
-            let point = pose.inverse_transform(&place(landmark));
+            let point = pose.inverse_transform(&point(landmark));
             let pixel = Vector2::new(319.5, 239.5) + 500.0 * point.xy() / point.z;
             let is_in = (0.0..640.0).contains(&pixel.x) && (0.0..480.0).contains(&pixel.y);
             is_in.then(|| v1::Observation {
@@ -218,7 +218,7 @@ async fn fill(client: &Client, map: &str, landmarks: usize) -> anyhow::Result<()
                 .clone()
                 .map(|landmark| v1::Landmark {
                     id: landmark as i64,
-                    point_in_world: Some(messages::vector3(&place(landmark))),
+                    point_in_world: Some(messages::vector3(&point(landmark))),
                     ..Default::default()
                 })
                 .collect(),

@@ -105,8 +105,8 @@ impl Histogram {
 
     /// Takes a value, in the unit of the bounds.
     pub fn observe(&self, value: u64) {
-        let place = self.bounds.partition_point(|&bound| bound < value);
-        if let Some(count) = self.counts.get(place) {
+        let bucket = self.bounds.partition_point(|&bound| bound < value);
+        if let Some(count) = self.counts.get(bucket) {
             count.fetch_add(1, Ordering::Relaxed);
         }
         self.sum.fetch_add(value, Ordering::Relaxed);

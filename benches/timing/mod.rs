@@ -5,7 +5,7 @@
 pub(crate) fn milliseconds(seconds: &mut [f64]) -> [f64; 3] {
     seconds.sort_by(f64::total_cmp);
     [0.5, 0.99, 1.0].map(|share| {
-        let place = (share * seconds.len().saturating_sub(1) as f64).round() as usize;
-        seconds.get(place).map_or(f64::NAN, |s| s * 1e3)
+        let index = (share * seconds.len().saturating_sub(1) as f64).round() as usize;
+        seconds.get(index).map_or(f64::NAN, |s| s * 1e3)
     })
 }

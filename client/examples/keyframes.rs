@@ -24,8 +24,8 @@ struct View {
 fn view(keyframe: i64, observations: usize) -> View {
     let first = keyframe * (observations / 2) as i64;
     let landmarks: Vec<i64> = (0..observations as i64).map(|k| first + k).collect();
-    let place = |k: usize| [(k % 40) as f64 * 16.0, (k / 40) as f64 * 19.0];
-    let pixels: Vec<[f64; 2]> = (0..observations).map(place).collect();
+    let pixel = |k: usize| [(k % 40) as f64 * 16.0, (k / 40) as f64 * 19.0];
+    let pixels: Vec<[f64; 2]> = (0..observations).map(pixel).collect();
     let point = |[u, v]: &[f64; 2]| [(u - 319.5) / 500.0 * 4.0, (v - 239.5) / 500.0 * 4.0, 4.0];
     let points = pixels.iter().map(point).collect();
     View { pixels, depths: vec![4.0; observations], landmarks, points }

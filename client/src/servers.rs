@@ -31,8 +31,8 @@ pub(super) struct Servers {
 struct Current {
     link: Link,
     url: Arc<str>,
-    /// The place of the URL that was given and used last.
-    place: usize,
+    /// The index of the URL that was given and used last.
+    index: usize,
 }
 
 impl Servers {
@@ -47,12 +47,12 @@ impl Servers {
     ) -> Result<Arc<Self>, ClientError> {
         let given: Vec<String> = urls.split(',').map(|url| url.trim().to_owned()).collect();
         let mut unreachable = None;
-        for (place, url) in given.iter().enumerate() {
+        for (index, url) in given.iter().enumerate() {
             let (endpoint, bearer) = endpoint(url, credentials, options)?;
             match endpoint.connect().await {
                 Ok(channel) => {
                     let link = InterceptedService::new(channel, bearer);
-                    let current = Mutex::new(Current { link, url: url.as_str().into(), place });
+                    let current = Mutex::new(Current { link, url: url.as_str().into(), index });
                     let credentials = credentials.clone();
                     return Ok(Arc::new(Self { given, credentials, options, current }));
                 }
@@ -68,7 +68,7 @@ impl Servers {
     /// One that stays on a channel.
     pub(super) fn on_channel(channel: Channel, url: &str) -> Arc<Self> {
         let link = InterceptedService::new(channel, Bearer::default());
-        let current = Mutex::new(Current { link, url: url.into(), place: 0 });
+        let current = Mutex::new(Current { link, url: url.into(), index: 0 });
         let (given, credentials) = (Vec::new(), Credentials::default());
         Arc::new(Self { given, credentials, options: LinkOptions::default(), current })
     }
@@ -95,14 +95,14 @@ impl Servers {
             return !self.given.is_empty() && self.go_to(&owner, None);
         }
         if error.is_transient() && !error.is_full() {
-            let (place, is_given) = {
+            let (index, is_given) = {
                 let current = self.current();
-                let given = self.given.get(current.place).map(String::as_str);
-                (current.place, given == Some(&*current.url))
+                let given = self.given.get(current.index).map(String::as_str);
+                (current.index, given == Some(&*current.url))
             };
             // Where an owner is gone, the server that named it may know the next one.
-            let next = if is_given { (place + 1) % self.given.len() } else { place };
-            if (!is_given || next != place)
+            let next = if is_given { (index + 1) % self.given.len() } else { index };
+            if (!is_given || next != index)
                 && let Some(url) = self.given.get(next)
             {
                 self.go_to(url, Some(next));
@@ -112,14 +112,14 @@ impl Servers {
     }
 
     /// False where the URL or the credentials cannot be used there.
-    fn go_to(&self, url: &str, place: Option<usize>) -> bool {
+    fn go_to(&self, url: &str, index: Option<usize>) -> bool {
         let Ok((endpoint, bearer)) = endpoint(url, &self.credentials, self.options) else {
             return false;
         };
         let link = InterceptedService::new(endpoint.connect_lazy(), bearer);
         let mut current = self.current();
-        let place = place.unwrap_or(current.place);
-        *current = Current { link, url: url.into(), place };
+        let index = index.unwrap_or(current.index);
+        *current = Current { link, url: url.into(), index };
         true
     }
 
@@ -175,7 +175,7 @@ mod tests {
         let (credentials, options) = (Credentials::default(), LinkOptions::default());
         let (endpoint, bearer) = endpoint(&given[0], &credentials, options).unwrap();
         let link = InterceptedService::new(endpoint.connect_lazy(), bearer);
-        let current = Mutex::new(Current { link, url: given[0].as_str().into(), place: 0 });
+        let current = Mutex::new(Current { link, url: given[0].as_str().into(), index: 0 });
         Servers { given, credentials, options, current }
     }
 

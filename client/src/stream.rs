@@ -293,9 +293,9 @@ impl Session {
 /// Sends the outbox' next message; false when the transport takes no more.
 async fn send_next(outbound: Option<&mpsc::Sender<v1::IngestRequest>>, shared: &Shared) -> bool {
     let Some(outbound) = outbound else { return false };
-    let Ok(place) = outbound.reserve().await else { return false };
+    let Ok(permit) = outbound.reserve().await else { return false };
     if let Some(request) = shared.outbox().take_unsent() {
-        place.send(request);
+        permit.send(request);
     }
     true
 }

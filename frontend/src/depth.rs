@@ -59,7 +59,7 @@ pub fn synchronized(
     let shift = |u: usize, v: usize| {
         let pixel = Vector2::new(u as f64, v as f64);
         let ray = rotation * camera.ray(&pixel);
-        camera.project(&ray).map(|place| place - pixel).unwrap_or_default()
+        camera.project(&ray).map(|moved| moved - pixel).unwrap_or_default()
     };
     let (columns, rows) = (width.div_ceil(CELL) + 1, height.div_ceil(CELL) + 1);
     let grid: Vec<Vector2<f32>> = (0..rows * columns)
@@ -102,27 +102,27 @@ impl Kernel for Reading<'_> {
                     / SHIFT_CELL as f32;
                 // Half a pixel more, since what follows rounds down.
                 let (x, y) = ((column * SHIFT_CELL) as f32 + left.x + 0.5, v as f32 + left.y + 0.5);
-                let mut places = [0_i32; SHIFT_CELL];
-                for (i, place) in places.iter_mut().enumerate() {
+                let mut indices = [0_i32; SHIFT_CELL];
+                for (i, index) in indices.iter_mut().enumerate() {
                     let i = i as f32;
                     let (x, y) = (x + i * (1.0 + step.x), y + i * step.y);
                     let (u, v) = (x.floor() as i32, y.floor() as i32);
                     let is_inside = (u >= 0) & (v >= 0) & (u < right) & (v < bottom);
-                    *place = if is_inside { v * right + u } else { i32::MAX };
+                    *index = if is_inside { v * right + u } else { i32::MAX };
                 }
                 // Most often one after the other.
-                let start = places[0] as usize;
+                let start = indices[0] as usize;
                 let mut breaks = 0;
-                for (i, &place) in places.iter().enumerate() {
-                    breaks |= place ^ places[0].wrapping_add(i as i32);
+                for (i, &index) in indices.iter().enumerate() {
+                    breaks |= index ^ indices[0].wrapping_add(i as i32);
                 }
                 let run = depth_m.pixels().get(start..start.saturating_add(out.len()));
                 if let (0, Some(run)) = (breaks, run) {
                     out.copy_from_slice(run);
                     continue;
                 }
-                for (out, &place) in out.iter_mut().zip(&places) {
-                    *out = depth_m.pixels().get(place as usize).copied().unwrap_or(0.0);
+                for (out, &index) in out.iter_mut().zip(&indices) {
+                    *out = depth_m.pixels().get(index as usize).copied().unwrap_or(0.0);
                 }
             }
         }
@@ -151,10 +151,10 @@ mod tests {
         let out = synchronized(&camera, &depth_m, &rotation).unwrap();
         for (u, v) in [(60, 50), (160, 120), (250, 180), (100, 201)] {
             let ray = rotation.matrix() * camera.ray(&Vector2::new(f64::from(u), f64::from(v)));
-            let place = camera.project(&ray).unwrap();
+            let pixel = camera.project(&ray).unwrap();
             let read = out.at(u as usize, v as usize) as usize - 1;
             let (x, y) = ((read % 320) as f64, (read / 320) as f64);
-            assert!((x - place.x).abs() < 0.7 && (y - place.y).abs() < 0.7, "{u} {v}: {x} {y}");
+            assert!((x - pixel.x).abs() < 0.7 && (y - pixel.y).abs() < 0.7, "{u} {v}: {x} {y}");
         }
         assert_eq!(synchronized(&camera, &depth_m, &So3::identity()), None);
     }

@@ -3,7 +3,7 @@
 //!
 //! It is bounded: with each new keyframe beyond the most, the one that was of use the longest ago
 //! leaves, with its image and the landmarks that only it sees. The whole map is the server's. Ids are
-//! the client's, from 0 and rising; keyframes and landmarks refer to each other by their places here,
+//! the client's, from 0 and rising; keyframes and landmarks refer to each other by their indices here,
 //! which change when a keyframe leaves. Poses and positions are in the map's frame as the server last
 //! sent them; before that, as they were sent. Knows no server.
 
@@ -30,7 +30,7 @@ pub struct MapKeyframe {
     pub pyramid: Arc<Pyramid>,
     /// Its pose in the map.
     pub world_from_camera: Se3,
-    /// The places of the landmarks that it sees, and where it sees them.
+    /// The indices of the landmarks that it sees, and where it sees them.
     pub observations: Vec<(usize, Vector2<f64>)>,
     /// The number of the last frame that showed one of its landmarks.
     pub last_used: u64,
@@ -43,7 +43,7 @@ pub struct MapLandmark {
     pub id: usize,
     /// Its position in the map, meters.
     pub point_in_world: Vector3<f64>,
-    /// The places of the keyframes that see it, and where they see it.
+    /// The indices of the keyframes that see it, and where they see it.
     pub observations: Vec<(usize, Vector2<f64>)>,
     /// Frames whose pose it fitted, since it last seemed to move.
     pub times_tracked: usize,
@@ -162,8 +162,8 @@ impl LocalMap {
     /// The keyframe with an id, where it has not left.
     #[must_use]
     pub fn keyframe(&self, id: usize) -> Option<&MapKeyframe> {
-        let place = self.keyframes.binary_search_by_key(&id, |keyframe| keyframe.id).ok()?;
-        self.keyframes.get(place)
+        let index = self.keyframes.binary_search_by_key(&id, |keyframe| keyframe.id).ok()?;
+        self.keyframes.get(index)
     }
 
     /// The keyframe that frames refer to: the newest, which never leaves.
@@ -172,7 +172,7 @@ impl LocalMap {
         self.keyframes.last()
     }
 
-    /// Adds a landmark, which no keyframe sees yet, and returns its place.
+    /// Adds a landmark, which no keyframe sees yet, and returns its index.
     pub fn add_landmark(&mut self, point_in_world: Vector3<f64>) -> usize {
         let (id, observations) = (self.next_landmark, Vec::new());
         self.next_landmark += 1;
@@ -181,7 +181,7 @@ impl LocalMap {
         self.landmarks.len() - 1
     }
 
-    /// Adds a keyframe that sees these landmarks, by their places, and returns its id.
+    /// Adds a keyframe that sees these landmarks, by their indices, and returns its id.
     pub fn add_keyframe(
         &mut self,
         timestamp_s: f64,
@@ -189,10 +189,10 @@ impl LocalMap {
         world_from_camera: Se3,
         observations: Vec<(usize, Vector2<f64>)>,
     ) -> usize {
-        let (id, place) = (self.next_keyframe, self.keyframes.len());
+        let (id, index) = (self.next_keyframe, self.keyframes.len());
         self.next_keyframe += 1;
         for &(landmark, pixel) in &observations {
-            self.landmarks[landmark].observations.push((place, pixel));
+            self.landmarks[landmark].observations.push((index, pixel));
         }
         let last_used = self.frame;
         self.keyframes.push(MapKeyframe {
@@ -210,8 +210,8 @@ impl LocalMap {
     /// are of use.
     pub fn tracked(&mut self, landmarks: impl Iterator<Item = usize>) {
         self.frame += 1;
-        for place in landmarks {
-            let landmark = &mut self.landmarks[place];
+        for index in landmarks {
+            let landmark = &mut self.landmarks[index];
             landmark.times_tracked += 1;
             for &(keyframe, _) in &landmark.observations {
                 self.keyframes[keyframe].last_used = self.frame;
@@ -220,37 +220,37 @@ impl LocalMap {
     }
 
     /// Lets go of the keyframes beyond `most`, at least 1, that were of use the longest ago, and of the
-    /// landmarks that only they see. Places change. Returns the ids of these keyframes.
+    /// landmarks that only they see. Indices change. Returns the ids of these keyframes.
     pub fn trim(&mut self, most: usize) -> Vec<usize> {
         let mut left = Vec::new();
         while self.keyframes.len() > most.max(1) {
             // The newest is the reference of the frames to come.
             let older = &self.keyframes[..self.keyframes.len() - 1];
             let oldest = older.iter().enumerate().min_by_key(|(_, k)| (k.last_used, k.id));
-            let Some((place, keyframe)) = oldest else { break };
+            let Some((index, keyframe)) = oldest else { break };
             left.push(keyframe.id);
-            self.remove_keyframe(place);
+            self.remove_keyframe(index);
         }
         left
     }
 
-    fn remove_keyframe(&mut self, place: usize) {
-        self.keyframes.remove(place);
-        let mut places = Vec::with_capacity(self.landmarks.len());
+    fn remove_keyframe(&mut self, index: usize) {
+        self.keyframes.remove(index);
+        let mut new_index = Vec::with_capacity(self.landmarks.len());
         let mut kept = 0;
         self.landmarks.retain_mut(|landmark| {
             landmark.observations.retain_mut(|(keyframe, _)| {
-                let stays = *keyframe != place;
-                *keyframe -= usize::from(*keyframe > place);
+                let stays = *keyframe != index;
+                *keyframe -= usize::from(*keyframe > index);
                 stays
             });
             let stays = !landmark.observations.is_empty();
-            places.push(kept);
+            new_index.push(kept);
             kept += usize::from(stays);
             stays
         });
         for (landmark, _) in self.keyframes.iter_mut().flat_map(|k| &mut k.observations) {
-            *landmark = places[*landmark];
+            *landmark = new_index[*landmark];
         }
     }
 
@@ -304,17 +304,17 @@ mod tests {
         let mut map = LocalMap::default();
         map.add_landmark(Vector3::zeros());
         for n in 0..keyframes {
-            let place = map.add_landmark(Vector3::new(n as f64, 0.0, 1.0));
-            let seen = [place - 1, place].map(|place| (place, Vector2::zeros())).to_vec();
+            let index = map.add_landmark(Vector3::new(n as f64, 0.0, 1.0));
+            let seen = [index - 1, index].map(|index| (index, Vector2::zeros())).to_vec();
             map.add_keyframe(n as f64, pyramid(), Se3::identity(), seen);
-            map.tracked([place - 1, place].into_iter());
+            map.tracked([index - 1, index].into_iter());
         }
         map
     }
 
     /// Whether all references stand for what they did: keyframe n sees landmarks n and n + 1.
     fn assert_sound(map: &LocalMap) {
-        for (place, keyframe) in map.keyframes.iter().enumerate() {
+        for (index, keyframe) in map.keyframes.iter().enumerate() {
             let seen: Vec<usize> = keyframe
                 .observations
                 .iter()
@@ -323,7 +323,7 @@ mod tests {
             assert_eq!(seen, [keyframe.id, keyframe.id + 1]);
             for &(landmark, _) in &keyframe.observations {
                 let views = &map.landmarks[landmark].observations;
-                assert!(views.iter().any(|(other, _)| *other == place));
+                assert!(views.iter().any(|(other, _)| *other == index));
             }
         }
         let views: usize = map.landmarks.iter().map(|l| l.observations.len()).sum();
@@ -338,8 +338,8 @@ mod tests {
         // The first two are seen again.
         map.tracked([0, 1].into_iter());
         for n in 0..5 {
-            let place = map.add_landmark(Vector3::zeros());
-            let seen = [place - 1, place].map(|place| (place, Vector2::zeros())).to_vec();
+            let index = map.add_landmark(Vector3::zeros());
+            let seen = [index - 1, index].map(|index| (index, Vector2::zeros())).to_vec();
             let id = map.add_keyframe(0.0, pyramid(), Se3::identity(), seen);
             assert_eq!((id, map.next_keyframe), (MOST_KEYFRAMES + n, MOST_KEYFRAMES + n + 1));
             map.tracked([map.landmarks.len() - 1].into_iter());

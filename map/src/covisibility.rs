@@ -83,14 +83,14 @@ impl Covisibility {
         });
         let order = Arc::make_mut(order);
         let new = (age(keyframe), keyframe);
-        let place = order.partition_point(|observer| *observer < new);
-        let first = place.saturating_sub(NEAREST);
-        let near = order[first..].iter().take(place - first + NEAREST);
+        let index = order.partition_point(|observer| *observer < new);
+        let first = index.saturating_sub(NEAREST);
+        let near = order[first..].iter().take(index - first + NEAREST);
         sharing.extend(near.map(|&(_, id)| id));
         // The new one is between them now.
         let apart = |at: usize| Some((order[at].1, order.get(at + NEAREST)?.1));
-        let apart: Vec<(EntityId, EntityId)> = (first..place).filter_map(apart).collect();
-        order.insert(place, new);
+        let apart: Vec<(EntityId, EntityId)> = (first..index).filter_map(apart).collect();
+        order.insert(index, new);
         self.long_count += 1;
         for (a, b) in apart {
             self.decrement(a, b);
@@ -109,14 +109,14 @@ impl Covisibility {
             return self.remove(keyframe, observers);
         };
         let order = Arc::make_mut(order);
-        let Some(place) = order.iter().position(|&(_, id)| id == keyframe) else { return };
-        let first = place.saturating_sub(NEAREST);
-        let near = order[first..].iter().take(place - first + 1 + NEAREST);
+        let Some(index) = order.iter().position(|&(_, id)| id == keyframe) else { return };
+        let first = index.saturating_sub(NEAREST);
+        let near = order[first..].iter().take(index - first + 1 + NEAREST);
         let near: Vec<EntityId> = near.map(|&(_, id)| id).collect();
         // Nothing is between them any more.
         let closer = |at: usize| Some((order[at].1, order.get(at + NEAREST + 1)?.1));
-        let closer: Vec<(EntityId, EntityId)> = (first..place).filter_map(closer).collect();
-        order.remove(place);
+        let closer: Vec<(EntityId, EntityId)> = (first..index).filter_map(closer).collect();
+        order.remove(index);
         self.long_count -= 1;
         if order.len() <= NEAREST + 1 {
             self.long_count -= order.len() as u64;

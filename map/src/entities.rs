@@ -95,7 +95,7 @@ pub struct CameraEntity {
     pub height_px: u32,
 }
 
-/// How two descriptors are compared. Hashes and journals have the place in this order.
+/// How two descriptors are compared. Hashes and journals have the index in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DescriptorKind {
     /// A string of bits, by Hamming distance.
@@ -207,7 +207,7 @@ pub struct Landmark {
     pub positioned_revision: i64,
 }
 
-/// What a relative pose came from. Hashes and journals have the place in this order.
+/// What a relative pose came from. Hashes and journals have the index in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConstraintKind {
     /// Tracking from one keyframe to the next.

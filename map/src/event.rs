@@ -56,7 +56,7 @@ impl NewLandmark {
     }
 }
 
-/// Which solve an event carries. Journals have the place in this order.
+/// Which solve an event carries. Journals have the index in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SolveKind {
     /// Bundle adjustment of a covisibility window.

@@ -51,7 +51,7 @@ impl MeasuredPosition {
     pub fn is_valid(&self) -> bool {
         match self {
             Self::InWorld(point) => is_finite(point),
-            Self::OnEarth(place) => place.is_valid(),
+            Self::OnEarth(point) => point.is_valid(),
         }
     }
 }
@@ -138,7 +138,7 @@ pub enum Item {
         /// The keyframe.
         keyframe: EntityRef,
         /// The measurement.
-        place: MeasuredPosition,
+        position: MeasuredPosition,
         /// The measured point in the keyframe's frame, in meters.
         point_in_camera: Vector3<f64>,
         /// Information over x, y, z of the world frame, in 1/m².
@@ -212,8 +212,8 @@ impl Item {
             Self::Observations { observations, .. } => are_measured(observations),
             Self::RelativePose { keyframe_i_from_keyframe_j: pose, .. }
             | Self::PosePrior { world_from_camera: pose, .. } => pose.is_finite(),
-            Self::PositionPrior { place, point_in_camera, .. } => {
-                place.is_valid() && is_finite(point_in_camera)
+            Self::PositionPrior { position, point_in_camera, .. } => {
+                position.is_valid() && is_finite(point_in_camera)
             }
         }
     }

@@ -181,8 +181,8 @@ impl<'a> GraphPairs<'a> {
         self.pairs.iter().map(|&[a, b]| (self.keyframes[a].0, self.keyframes[b].0))
     }
 
-    /// The place of a keyframe in the order of ids.
-    pub(super) fn place(&self, id: EntityId) -> Option<usize> {
+    /// The index of a keyframe in the order of ids.
+    pub(super) fn index(&self, id: EntityId) -> Option<usize> {
         self.keyframes.binary_search_by_key(&id, |entry| entry.0).ok()
     }
 }
@@ -196,10 +196,10 @@ fn again(
     trajectories: &[&[usize]],
 ) -> Vec<[usize; 2]> {
     let threshold = u32::try_from(map.policy().min_shared_landmarks.max(1)).unwrap_or(u32::MAX);
-    // The place in its trajectory of each keyframe.
-    let mut places = vec![0; keyframes.len()];
+    // The index in its trajectory of each keyframe.
+    let mut index_in_trajectory = vec![0; keyframes.len()];
     for trajectory in trajectories {
-        trajectory.iter().enumerate().for_each(|(place, &at)| places[at] = place);
+        trajectory.iter().enumerate().for_each(|(index, &at)| index_in_trajectory[at] = index);
     }
     let find = |id: EntityId| keyframes.binary_search_by_key(&id, |entry| entry.0).ok();
     let mut taken: BTreeSet<[(ClientIndex, usize); 2]> = BTreeSet::new();
@@ -210,14 +210,16 @@ fn again(
             continue;
         }
         let is_elsewhere = |other: EntityId| match other.client == keyframe.client {
-            true => find(other).is_some_and(|other| places[other] + NEAR_KEYFRAMES < places[at]),
+            true => find(other).is_some_and(|other| {
+                index_in_trajectory[other] + NEAR_KEYFRAMES < index_in_trajectory[at]
+            }),
             false => other.client < keyframe.client,
         };
         let seen = map.covisibility().neighbors(keyframe);
         let seen = seen.filter(|&(other, shared)| shared >= threshold && is_elsewhere(other));
         let most = seen.max_by_key(|&(id, shared)| (shared, std::cmp::Reverse(id)));
         let Some(other) = most.and_then(|(other, _)| find(other)) else { continue };
-        let cell = |at: usize| (keyframes[at].0.client, places[at] / NEAR_KEYFRAMES);
+        let cell = |at: usize| (keyframes[at].0.client, index_in_trajectory[at] / NEAR_KEYFRAMES);
         if taken.insert([cell(other), cell(at)]) {
             pairs.push([other, at]);
         }

@@ -29,19 +29,19 @@ impl Observations {
     /// The first observation of `landmark`, if there is one.
     pub fn of(&self, landmark: EntityId) -> Option<&Observation> {
         let Inner { list, by_landmark } = &*self.0;
-        let places = by_landmark.get_or_init(|| places(list));
-        let seen = |&place: &u32| list.get(place as usize).map(|o| o.landmark);
-        let first = places.partition_point(|place| seen(place) < Some(landmark));
-        let observation = list.get(*places.get(first)? as usize)?;
+        let indices = by_landmark.get_or_init(|| indices(list));
+        let seen = |&index: &u32| list.get(index as usize).map(|o| o.landmark);
+        let first = indices.partition_point(|index| seen(index) < Some(landmark));
+        let observation = list.get(*indices.get(first)? as usize)?;
         (observation.landmark == landmark).then_some(observation)
     }
 }
 
-fn places(list: &[Observation]) -> Box<[u32]> {
+fn indices(list: &[Observation]) -> Box<[u32]> {
     // An item brings 65,536 observations at most, and memory ends long before 2³² of them.
-    let mut places: Vec<u32> = (0..u32::MAX).take(list.len()).collect();
-    places.sort_by_key(|&place| list.get(place as usize).map(|o| o.landmark));
-    places.into()
+    let mut indices: Vec<u32> = (0..u32::MAX).take(list.len()).collect();
+    indices.sort_by_key(|&index| list.get(index as usize).map(|o| o.landmark));
+    indices.into()
 }
 
 impl Deref for Observations {
@@ -80,9 +80,9 @@ mod tests {
     #[test]
     fn a_landmark_is_found_where_it_was_first_seen() {
         let landmark = |id: i64| EntityId::new(ClientIndex(u32::from(id % 2 == 0)), id);
-        let observation = |place: i64| Observation {
-            landmark: landmark(place * 7 % 50),
-            pixel: Vector2::new(place as f64, 0.0),
+        let observation = |index: i64| Observation {
+            landmark: landmark(index * 7 % 50),
+            pixel: Vector2::new(index as f64, 0.0),
             sigma_px: 1.0,
             depth: None,
             descriptor: None,

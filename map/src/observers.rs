@@ -14,15 +14,15 @@ use super::EntityId;
 pub struct Observers(Arc<[EntityId]>);
 
 impl Observers {
-    /// Inserts a keyframe at its place in the order.
-    pub(super) fn insert(&mut self, place: usize, keyframe: EntityId) {
-        let (before, after) = self.0.split_at(place);
+    /// Inserts a keyframe at its index in the order.
+    pub(super) fn insert(&mut self, index: usize, keyframe: EntityId) {
+        let (before, after) = self.0.split_at(index);
         self.0 = before.iter().copied().chain([keyframe]).chain(after.iter().copied()).collect();
     }
 
-    /// Removes the keyframe at a place.
-    pub(super) fn remove(&mut self, place: usize) {
-        let (before, after) = self.0.split_at(place);
+    /// Removes the keyframe at an index.
+    pub(super) fn remove(&mut self, index: usize) {
+        let (before, after) = self.0.split_at(index);
         self.0 = before.iter().chain(&after[1..]).copied().collect();
     }
 }

@@ -121,9 +121,9 @@ impl Map {
             let mut sharing = Vec::new();
             for observation in keyframe.observations.iter() {
                 let seen = observation.landmark;
-                let place = ids.binary_search(&seen);
-                let place = place.map_err(|_place| unknown(EntityKind::Landmark, seen))?;
-                let observers = &mut observers[place];
+                let index = ids.binary_search(&seen);
+                let index = index.map_err(|_index| unknown(EntityKind::Landmark, seen))?;
+                let observers = &mut observers[index];
                 if observers.last() != Some(&id) {
                     covisibility.observe(seen, observers, id, age, &mut sharing);
                     observers.push(id);

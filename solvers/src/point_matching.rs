@@ -156,12 +156,12 @@ fn candidates(
 ) -> Vec<Candidate> {
     let threshold = default_threshold(3);
     // What the bound needs, in one piece of memory, by x.
-    let place = |(index, estimate): (usize, &PointEstimate)| {
+    let keyed = |(index, estimate): (usize, &PointEstimate)| {
         (estimate.point, estimate.covariance.trace(), index)
     };
-    let mut places: Vec<(Vector3<f64>, f64, usize)> = a.iter().enumerate().map(place).collect();
-    places.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
-    let widest = places.iter().map(|&(_, trace, _)| trace).fold(0.0, f64::max);
+    let mut by_x: Vec<(Vector3<f64>, f64, usize)> = a.iter().enumerate().map(keyed).collect();
+    by_x.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
+    let widest = by_x.iter().map(|&(_, trace, _)| trace).fold(0.0, f64::max);
     let mut candidates = Vec::new();
     // Candidates of one point, behind what ranks them.
     let mut near: Vec<(f64, Candidate)> = Vec::new();
@@ -172,9 +172,9 @@ fn candidates(
         // No direction has a larger variance than the trace.
         let trace_b = start.covariance_of(estimate).trace();
         let (center, radius) = (&estimate.point, (threshold * (widest + trace_b)).sqrt());
-        let first = places.partition_point(|(point, ..)| point.x < center.x - radius);
-        let last = places.partition_point(|(point, ..)| point.x <= center.x + radius);
-        for &(point, trace_a, at_a) in &places[first..last] {
+        let first = by_x.partition_point(|(point, ..)| point.x < center.x - radius);
+        let last = by_x.partition_point(|(point, ..)| point.x <= center.x + radius);
+        for &(point, trace_a, at_a) in &by_x[first..last] {
             let ratio = (point - center).norm_squared() / (trace_a + trace_b);
             if ratio > threshold {
                 continue;

@@ -63,15 +63,15 @@ struct CheckedMap<'a> {
     revision: u64,
     segments: &'a [String],
     snapshot: Option<u64>,
-    damage: Vec<DamagedPlace<'a>>,
+    damage: Vec<DamagedPart<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     failure: Option<&'a str>,
     set_aside: &'a [PathBuf],
 }
 
-/// A damaged place; `null` where no event is lost by it.
+/// A damaged part; `null` where no event is lost by it.
 #[derive(Debug, Serialize)]
-struct DamagedPlace<'a> {
+struct DamagedPart<'a> {
     file: &'a str,
     byte: u64,
     first_lost: Option<u64>,
@@ -184,7 +184,7 @@ fn complaints(checkup: &MapCheckup) -> impl Iterator<Item = String> {
 }
 
 fn checked(checkup: &MapCheckup) -> CheckedMap<'_> {
-    let damage = checkup.damage.iter().map(|Damage { file, offset, lost }| DamagedPlace {
+    let damage = checkup.damage.iter().map(|Damage { file, offset, lost }| DamagedPart {
         file,
         byte: *offset,
         first_lost: lost.map(|(first, _)| first),

@@ -41,9 +41,9 @@ pub(super) fn start(config: &Config, collector: Option<&str>) -> anyhow::Result<
     let started = registry.try_init().is_ok();
     if started && config.log_format == LogFormat::Json {
         std::panic::set_hook(Box::new(|panic| {
-            let place = panic.location().map(ToString::to_string).unwrap_or_default();
+            let location = panic.location().map(ToString::to_string).unwrap_or_default();
             let text = panic.payload_as_str().unwrap_or("no message");
-            tracing::error!(place, "panic: {text}");
+            tracing::error!(location, "panic: {text}");
         }));
     }
     Ok(exporter)

@@ -175,13 +175,13 @@ pub fn bars(labels: Labels<'_>, all: &[Bar]) -> Picture {
         let middle = TOP + PITCH * (row as f64 + 0.5);
         let (baseline, top) = (format!("{:.1}", middle + 4.0), format!("{:.1}", middle - 7.0));
         let name = shortened(&bar.name);
-        let place: [(&str, &dyn Display); 4] = [
+        let attributes: [(&str, &dyn Display); 4] = [
             ("class", &"strong"),
             ("x", &(NAMES - 8.0)),
             ("y", &baseline),
             ("text-anchor", &"end"),
         ];
-        body.element("text", &place, name);
+        body.element("text", &attributes, name);
         let width = format!("{:.1}", (x.at(bar.value) - NAMES).max(1.0));
         let box_of: [(&str, &dyn Display); 5] = [
             ("class", &"fill-after"),

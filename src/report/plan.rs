@@ -16,7 +16,7 @@ use super::thin::thin;
 const MOST_POSES: usize = 2000;
 /// Points of the scene.
 const MOST_POINTS: usize = 2500;
-/// Links between places.
+/// Links between positions.
 const MOST_LINKS: usize = 500;
 /// Links that are few enough to have dots, which hide the path where they are many.
 const MOST_DOTS: usize = 100;
@@ -44,14 +44,14 @@ pub struct Plan<'a> {
     pub reference: Option<(&'a str, &'a [[f64; 3]])>,
     /// Points of the scene; those far from the trajectory are left out.
     pub points: &'a [[f64; 3]],
-    /// Places that are linked.
+    /// Positions that are linked.
     pub links: &'a [Link],
 }
 
-/// Two places that a closure ties.
+/// Two positions that a closure ties.
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
-    /// One place, m.
+    /// One end, m.
     pub from: [f64; 3],
     /// The other.
     pub to: [f64; 3],
@@ -247,7 +247,7 @@ impl Canvas {
 
     /// Links; those that were found false are on top, however many there are.
     fn links(&self, links: &[Link], body: &mut Markup) {
-        // Places that are tied are near each other as a rule: a dot shows where.
+        // Positions that are tied are near each other as a rule: a dot shows where.
         for (counts, line, dot) in [(true, "good", "good dot"), (false, "bad dashed", "bad dot")] {
             let of_kind: Vec<&Link> = links.iter().filter(|link| link.counts == counts).collect();
             let kept = thin(of_kind.len(), MOST_LINKS, |_| 0.0);
@@ -255,7 +255,7 @@ impl Canvas {
             let lines = ends.filter(|ends| ends.iter().flatten().all(|v| v.is_finite()));
             let (mut data, mut dots) = (String::new(), String::new());
             for ends in lines {
-                data.push_str(&path(ends.iter().map(|place| self.at(place))));
+                data.push_str(&path(ends.iter().map(|end| self.at(end))));
                 let (x, y) = self.at(&ends[1]);
                 dots.push_str(&format!("M{x:.1} {y:.1}h0"));
             }

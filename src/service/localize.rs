@@ -38,10 +38,10 @@ pub(super) fn input(request: v1::LocalizeRequest) -> Result<Input, ServiceError>
             let pixel = vector2(at.field("pixel"), message.pixel.as_ref(), out);
             let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
             let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
-            let place = at.field("descriptor");
+            let field = at.field("descriptor");
             let descriptor = match message.descriptor {
                 None => None,
-                Some(sent) => Some(descriptor(place, sent, MAX_FEATURE_DESCRIPTOR, out)?),
+                Some(sent) => Some(descriptor(field, sent, MAX_FEATURE_DESCRIPTOR, out)?),
             };
             let depth_m = depth?.map(|depth| (depth.depth_m, depth.sigma_m));
             Some((Feature { pixel: pixel?, sigma_px: sigma?, depth_m }, descriptor))

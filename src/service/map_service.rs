@@ -246,7 +246,7 @@ impl MapService for Rpcs {
         self.context.stream("ExportMap", time, Messages::Large, |sink| async move {
             let map = rpcs.map(&caller?, &request.map_id).await?;
             let format = export::format(request.format)?;
-            let _place = map.account().reserve(Resource::Exports, 1)?;
+            let _reservation = map.account().reserve(Resource::Exports, 1)?;
             let snapshot = map.snapshot().await?;
             let map_id = request.map_id.clone();
             let exported = Arc::clone(&snapshot);

@@ -68,7 +68,7 @@ pub(super) struct Upload<'a, M> {
     open: Option<(String, i64)>,
 }
 
-/// The place of bytes in an upload.
+/// A chunk of a file in an upload.
 pub(super) struct Chunk {
     /// The path of its file.
     pub(super) path: String,

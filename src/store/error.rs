@@ -113,7 +113,7 @@ fn at(owner: Option<&str>) -> String {
     owner.map_or_else(String::new, |owner| format!(", at {owner}"))
 }
 
-/// A damaged place of a map's files.
+/// A damaged part of a map's files.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
     /// The file, inside the data directory.

@@ -79,7 +79,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                 Item::PositionPrior {
                     id: n,
                     keyframe,
-                    place: MeasuredPosition::InWorld(normal_vector(rng, 1.0)),
+                    position: MeasuredPosition::InWorld(normal_vector(rng, 1.0)),
                     point_in_camera: normal_vector(rng, 1.0),
                     information: Information::identity(),
                     loss: Loss::Trivial,

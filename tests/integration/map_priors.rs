@@ -115,10 +115,10 @@ fn a_fix_that_is_switched_off_is_left_out_but_judged_again() {
 
 #[test]
 fn a_geodetic_fix_needs_an_anchor_and_is_kept_in_the_world() {
-    let place = Geodetic { latitude_deg: 48.001, longitude_deg: 11.002, height_m: 512.0 };
+    let point = Geodetic { latitude_deg: 48.001, longitude_deg: 11.002, height_m: 512.0 };
     let mut item = fix(1, 2, Vector3::zeros());
-    let Item::PositionPrior { place: sent, .. } = &mut item else { panic!() };
-    *sent = MeasuredPosition::OnEarth(place);
+    let Item::PositionPrior { position: sent, .. } = &mut item else { panic!() };
+    *sent = MeasuredPosition::OnEarth(point);
     let plain = street(3, MapPolicy::default());
     let rejection = plain.map.check(ROBOT, &item).unwrap_err();
     let found: Vec<_> = rejection.violations.iter().map(|v| (v.field.as_str(), v.reason)).collect();
@@ -130,7 +130,7 @@ fn a_geodetic_fix_needs_an_anchor_and_is_kept_in_the_world() {
     let Some(&Prior::Position { position_in_world, .. }) = journal.map.priors().get(&id(1)) else {
         panic!()
     };
-    assert_eq!(position_in_world, LocalFrame::new(&anchor).point_in_local(&place));
+    assert_eq!(position_in_world, LocalFrame::new(&anchor).point_in_local(&point));
     assert!((position_in_world - Vector3::new(149.2, 111.2, 12.0)).norm() < 0.5);
 }
 

@@ -404,20 +404,20 @@ fn scales_and_numbers_that_overflow_are_refused() {
 /// A place on the Earth is in meters, whatever the robot's unit.
 #[test]
 fn a_geodetic_position_is_not_scaled() {
-    let place = covis_solvers::geometry::Geodetic {
+    let point = covis_solvers::geometry::Geodetic {
         latitude_deg: 48.0,
         longitude_deg: 9.0,
         height_m: 400.0,
     };
-    let policy = MapPolicy { geodetic_anchor: Some(place), ..MapPolicy::default() };
+    let policy = MapPolicy { geodetic_anchor: Some(point), ..MapPolicy::default() };
     let mut target = street(2, policy);
     let source = street(2, policy).map;
     let at = target_from_source();
     let merge = target.map.merge_of(("run", &source), at, &renamed(), &[]).unwrap();
     target.push(Change::MapMerged { merge: Box::new(merge) });
     let mut item = fix(9, 1, Vector3::zeros());
-    let Item::PositionPrior { place: at, .. } = &mut item else { panic!() };
-    let higher = covis_solvers::geometry::Geodetic { height_m: 410.0, ..place };
+    let Item::PositionPrior { position: at, .. } = &mut item else { panic!() };
+    let higher = covis_solvers::geometry::Geodetic { height_m: 410.0, ..point };
     *at = MeasuredPosition::OnEarth(higher);
     give(&mut target, &item);
     let prior = target.map.priors().get(&guest(9)).unwrap();

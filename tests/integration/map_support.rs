@@ -172,7 +172,7 @@ pub(crate) fn fix(id: i64, keyframe: i64, point_in_world: Vector3<f64>) -> Item 
     Item::PositionPrior {
         id,
         keyframe: EntityRef::own(keyframe),
-        place: MeasuredPosition::InWorld(point_in_world),
+        position: MeasuredPosition::InWorld(point_in_world),
         point_in_camera: Vector3::zeros(),
         information: Information::new(&(Matrix3::identity() * 1e4)).unwrap(),
         loss: Loss::Trivial,
@@ -240,8 +240,8 @@ pub(crate) fn assert_covisibility(map: &Map) {
         let age = |id: &EntityId| (map.keyframes().get(id).unwrap().added_revision, *id);
         let mut observers: Vec<_> = landmark.observers.iter().map(age).collect();
         observers.sort_unstable();
-        for (place, &(_, a)) in observers.iter().enumerate() {
-            for &(_, b) in observers[place + 1..].iter().take(32) {
+        for (index, &(_, a)) in observers.iter().enumerate() {
+            for &(_, b) in observers[index + 1..].iter().take(32) {
                 *expected.entry((a.min(b), a.max(b))).or_default() += 1;
             }
         }

@@ -130,7 +130,7 @@ fn strangers_in_every_place_do_not_keep_a_robot_out() {
             strangers.push(raw(&server, &greeting(&[headers(CHECK), half_a_message()])).await);
         }
         robot_lists_maps(&server).await;
-        // The first ones made place.
+        // The first ones made room.
         for stranger in strangers.drain(..16) {
             read_to_end(stranger).await;
         }

@@ -309,16 +309,17 @@ fn solver_modules_use_only_lower_floors() {
             if root != "crate" || used == module {
                 continue;
             }
-            let place = format!("{}:{}", file.path, reference.line);
+            let location = format!("{}:{}", file.path, reference.line);
             match floor_of(used) {
-                None => offenders.push(format!("{place}: `crate::{used}` stands on no floor")),
-                Some(other) if other >= floor => offenders
-                    .push(format!("{place}: {module} uses {used}, which does not stand below it")),
+                None => offenders.push(format!("{location}: `crate::{used}` stands on no floor")),
+                Some(other) if other >= floor => offenders.push(format!(
+                    "{location}: {module} uses {used}, which does not stand below it"
+                )),
                 Some(_) => {}
             }
             for (apart, forbidden, why) in APART {
                 if apart == module && forbidden.contains(&used.as_str()) {
-                    offenders.push(format!("{place}: {module} uses {used}: {why}"));
+                    offenders.push(format!("{location}: {module} uses {used}: {why}"));
                 }
             }
         }

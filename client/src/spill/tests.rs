@@ -97,10 +97,10 @@ fn every_cut_and_every_flipped_bit_leaves_a_beginning_of_what_was_written() {
     for cut in 0..whole.len() {
         assert!(check(&whole[..cut]) < 3);
     }
-    for place in 0..whole.len() {
+    for index in 0..whole.len() {
         let mut flipped = whole.clone();
-        flipped[place] ^= 0x10;
-        assert!(check(&flipped) < 3, "byte {place}");
+        flipped[index] ^= 0x10;
+        assert!(check(&flipped) < 3, "byte {index}");
     }
 }
 
@@ -137,8 +137,8 @@ impl Write for Small {
 }
 
 impl Seek for Small {
-    fn seek(&mut self, place: SeekFrom) -> io::Result<u64> {
-        self.bytes.seek(place)
+    fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
+        self.bytes.seek(position)
     }
 }
 

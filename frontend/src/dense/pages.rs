@@ -1,6 +1,6 @@
 //! A file of pages: bytes are stored, and read back unchanged or with an error.
 //!
-//! It is a temporary file without a name. The place and the checksum of each page are in memory. The
+//! It is a temporary file without a name. The offset and the checksum of each page are in memory. The
 //! room of freed pages is reused, the first that is large enough. Independent of blocks.
 
 use std::collections::BTreeMap;
@@ -44,7 +44,7 @@ pub enum PageError {
     },
 }
 
-/// The place and checksum of stored bytes.
+/// The offset and checksum of stored bytes.
 #[derive(Debug)]
 pub(super) struct Page {
     offset: u64,

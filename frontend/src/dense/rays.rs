@@ -73,7 +73,7 @@ impl RayBlocks {
     }
 
     /// The word and the bit of a block, counted from the corner; `None` outside of the box.
-    fn place(&self, cell: [i32; 3]) -> Option<(&AtomicU64, u64)> {
+    fn bit(&self, cell: [i32; 3]) -> Option<(&AtomicU64, u64)> {
         let inside = |axis: usize| {
             let at = usize::try_from(cell[axis]).ok()?;
             (at < self.size[axis]).then_some(at)
@@ -84,7 +84,7 @@ impl RayBlocks {
     }
 
     fn set(&self, cell: [i32; 3]) {
-        if let Some((word, bit)) = self.place(cell)
+        if let Some((word, bit)) = self.bit(cell)
             && word.load(Ordering::Relaxed) & bit == 0
         {
             word.fetch_or(bit, Ordering::Relaxed);
@@ -142,7 +142,7 @@ impl RayBlocks {
     pub(super) fn clear(&self, key: BlockKey) {
         let cell = [key.x, key.y, key.z];
         let cell = std::array::from_fn(|axis| cell[axis].wrapping_sub(self.origin[axis]));
-        if let Some((word, bit)) = self.place(cell)
+        if let Some((word, bit)) = self.bit(cell)
             && word.load(Ordering::Relaxed) & bit != 0
         {
             word.fetch_and(!bit, Ordering::Relaxed);

@@ -1,7 +1,7 @@
 //! The fourth of the paper's threads: dense mapping, in parallel to tracking.
 //!
 //! Frames and corrections are handed over and processed in order, so that the volume does not depend on
-//! timing. Tracking does not wait until a frame is integrated. It waits only for a place in a short
+//! timing. Tracking does not wait until a frame is integrated. It waits only for room in a short
 //! queue when it is faster for long, so that no frame of a recorded sequence is dropped. Each frame
 //! takes a bounded time, whatever a correction moved. Which frames are mapped is decided by tracking.
 

@@ -168,9 +168,9 @@ impl Visibility {
         if z + radius < NEAREST_M || away > lens.largest_tangent * (z + radius) {
             return Seen::No;
         }
-        let place =
+        let coordinate =
             |k: usize| -> [f32; 8] { std::array::from_fn(|i| corner[k] + self.corners[k][i]) };
-        let [x, y, z] = [place(0), place(1), place(2)];
+        let [x, y, z] = [coordinate(0), coordinate(1), coordinate(2)];
         let [nearest_z, farthest_z] = extent(&z);
         let [mut left, mut top] = [0.0_f32; 2];
         let [mut right, mut bottom] = lens.size.map(|size| size - 1.0);

@@ -137,8 +137,9 @@ fn table() -> &'static Table {
         let turned = |index: usize| {
             let (sin, cos) = units(index);
             let turn = |x: f64, y: f64| {
-                let place = |value: f64| (value.round() as i32 + RADIUS).clamp(0, 2 * RADIUS) as u8;
-                [place(cos * x - sin * y), place(sin * x + cos * y)]
+                let rounded =
+                    |value: f64| (value.round() as i32 + RADIUS).clamp(0, 2 * RADIUS) as u8;
+                [rounded(cos * x - sin * y), rounded(sin * x + cos * y)]
             };
             let turn_pair = |&[x1, y1, x2, y2]: &[f64; 4]| {
                 let ([x1, y1], [x2, y2]) = (turn(x1, y1), turn(x2, y2));

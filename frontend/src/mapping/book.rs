@@ -288,7 +288,7 @@ mod tests {
         }
     }
 
-    /// A delta with keyframes and landmarks of `own`, at these places along x.
+    /// A delta with keyframes and landmarks of `own`, at these positions along x.
     fn delta(keyframes: &[(i64, f64)], landmarks: &[(i64, f64)]) -> (MapChanges, MapMirror) {
         let (mut changes, mut mirror) = (MapChanges::default(), MapMirror::default());
         for &(id, x) in keyframes {

@@ -1,10 +1,10 @@
 //! What tracking and mapping hand to each other without waiting: keyframes and questions one way,
 //! corrections and answers the other.
 //!
-//! There is one place for what goes to tracking. Mapping takes back what tracking has not fetched, joins
+//! There is one slot for what goes to tracking. Mapping takes back what tracking has not fetched, joins
 //! it with what is newer and puts it there again: what waits never grows beyond one value for each
 //! keyframe and landmark, and the answer to the last question. Tracking fetches it between two frames, or
-//! at the next one where mapping holds the place just then. In lock-step tracking waits instead after
+//! at the next one where mapping holds the slot just then. In lock-step tracking waits instead after
 //! each keyframe and each question. Knows neither messages nor the network.
 
 use std::sync::mpsc;
@@ -70,8 +70,8 @@ pub(super) fn from_server(lock_step: bool) -> (Putting, Fetching) {
         let (sender, receiver) = mpsc::channel();
         (Putting::LockStep(sender), Fetching::LockStep(receiver))
     } else {
-        let place = Arc::new(Mutex::new(None));
-        (Putting::Beside(Arc::clone(&place)), Fetching::Beside(place))
+        let slot = Arc::new(Mutex::new(None));
+        (Putting::Beside(Arc::clone(&slot)), Fetching::Beside(slot))
     }
 }
 
@@ -81,17 +81,17 @@ impl Putting {
         match self {
             // The receiver is gone when tracking has ended.
             Self::LockStep(sender) => drop(sender.send(news)),
-            Self::Beside(place) => {
+            Self::Beside(slot) => {
                 if news.is_empty() {
                     return;
                 }
-                let waiting = place.lock().unwrap_or_else(PoisonError::into_inner).take();
+                let waiting = slot.lock().unwrap_or_else(PoisonError::into_inner).take();
                 // Without the lock: tracking need not wait while these are joined.
                 let all = match waiting {
                     Some(earlier) => earlier.then(news),
                     None => news,
                 };
-                *place.lock().unwrap_or_else(PoisonError::into_inner) = Some(all);
+                *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(all);
             }
         }
     }
@@ -102,7 +102,7 @@ impl Fetching {
     pub(super) fn fetch(&self) -> Option<FromServer> {
         match self {
             Self::LockStep(_) => None,
-            Self::Beside(place) => place.try_lock().ok()?.take(),
+            Self::Beside(slot) => slot.try_lock().ok()?.take(),
         }
     }
 
@@ -143,11 +143,11 @@ mod tests {
     }
 
     #[test]
-    fn tracking_goes_on_without_corrections_while_mapping_holds_their_place() {
+    fn tracking_goes_on_without_corrections_while_mapping_holds_their_slot() {
         let (putting, fetching) = from_server(false);
         putting.put(point(0, 1.0));
-        let Putting::Beside(place) = &putting else { panic!() };
-        let held = place.lock().unwrap();
+        let Putting::Beside(slot) = &putting else { panic!() };
+        let held = slot.lock().unwrap();
         assert_eq!(fetching.fetch(), None);
         drop(held);
         assert!(fetching.fetch().is_some());

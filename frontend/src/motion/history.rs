@@ -12,7 +12,7 @@ use covis_solvers::geometry::{LieGroup, Se3};
 
 use super::cells::CellRays;
 use super::gaussian::CellView;
-use super::warp::{CellWarp, Exposure, Places};
+use super::warp::{CellPositions, CellWarp, Exposure};
 use crate::camera::FrameCamera;
 use crate::depth::sigma_m;
 use crate::image::Image;
@@ -190,8 +190,8 @@ impl Witness<'_> {
     /// Adds its votes on each cell.
     fn testify(&self, current: &Current<'_>, votes: &mut Image<Votes>) {
         let warp = CellWarp::new(current.camera, current.rays, &self.motion);
-        let places = warp.places(current.cells.pixels().iter().map(|cell| cell.depth_m));
-        simd::run(Testimony { witness: self, places: &places, current, votes });
+        let positions = warp.positions(current.cells.pixels().iter().map(|cell| cell.depth_m));
+        simd::run(Testimony { witness: self, positions: &positions, current, votes });
     }
 
     /// What it saw around a place.
@@ -210,7 +210,7 @@ impl Witness<'_> {
 /// Adds the votes of a witness on all cells.
 struct Testimony<'a> {
     witness: &'a Witness<'a>,
-    places: &'a Places,
+    positions: &'a CellPositions,
     current: &'a Current<'a>,
     votes: &'a mut Image<Votes>,
 }
@@ -221,19 +221,19 @@ impl Kernel for Testimony<'_> {
     /// Row by row: first looks up what the witness saw, then computes the votes without branches.
     #[inline(always)]
     fn run(self) {
-        let Self { witness, places, current, votes } = self;
+        let Self { witness, positions, current, votes } = self;
         let exposure = witness.exposure;
         let (other_votes, same_votes) = (witness.other_votes, witness.same_votes);
         let columns = votes.width();
         let mut row_around = vec![Around::default(); columns];
         for row in 0..votes.height() {
             let cells = row * columns..(row + 1) * columns;
-            let (x, y) = (&places.x[cells.clone()], &places.y[cells.clone()]);
+            let (x, y) = (&positions.x[cells.clone()], &positions.y[cells.clone()]);
             for (around, (&x, &y)) in row_around.iter_mut().zip(x.iter().zip(y)) {
                 *around = witness.around(x, y);
             }
             let votes = votes.row_mut(row).iter_mut().zip(current.cells.row(row));
-            let seen = row_around.iter().zip(&places.depth_m[cells]);
+            let seen = row_around.iter().zip(&positions.depth_m[cells]);
             for ((votes, cell), (around, &expected_m)) in votes.zip(seen) {
                 let look = look(around, cell, expected_m, exposure.as_ref());
                 let moves = if look.is_other { other_votes } else { 0.0 };

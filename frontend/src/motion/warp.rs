@@ -44,7 +44,7 @@ impl Exposure {
     }
 }
 
-/// Places of the cells of one frame in the image of another, in cells.
+/// Positions of the cells of one frame in the image of another, in cells.
 pub struct CellWarp<'a> {
     camera: &'a FrameCamera,
     rays: &'a CellRays,
@@ -63,17 +63,17 @@ impl<'a> CellWarp<'a> {
         Self { camera, rays, rotation: [row(0), row(1), row(2)], translation }
     }
 
-    /// The places of the centers of all cells, given one depth per cell.
-    pub fn places(&self, depths_m: impl Iterator<Item = f32>) -> Places {
-        let mut places = Places::of(depths_m);
-        simd::run(Placing { warp: self, places: &mut places });
-        places
+    /// The positions of the centers of all cells, given one depth per cell.
+    pub fn positions(&self, depths_m: impl Iterator<Item = f32>) -> CellPositions {
+        let mut positions = CellPositions::of(depths_m);
+        simd::run(Placing { warp: self, positions: &mut positions });
+        positions
     }
 }
 
 /// Where cells lie in another image; NaN where it cannot show them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Places {
+pub struct CellPositions {
     /// Columns of cells.
     pub x: Vec<f32>,
     /// Rows of cells.
@@ -82,17 +82,17 @@ pub struct Places {
     pub depth_m: Vec<f32>,
 }
 
-impl Places {
+impl CellPositions {
     fn of(depths_m: impl Iterator<Item = f32>) -> Self {
         let depth_m: Vec<f32> = depths_m.collect();
         Self { x: vec![0.0; depth_m.len()], y: vec![0.0; depth_m.len()], depth_m }
     }
 }
 
-/// Finds the places of cells whose depths are given.
+/// Finds the positions of cells whose depths are given.
 struct Placing<'a> {
     warp: &'a CellWarp<'a>,
-    places: &'a mut Places,
+    positions: &'a mut CellPositions,
 }
 
 impl Kernel for Placing<'_> {
@@ -102,7 +102,7 @@ impl Kernel for Placing<'_> {
     fn run(self) {
         let CellWarp { camera, rays, rotation, translation } = *self.warp;
         let lens = camera.fast();
-        let Places { x, y, depth_m } = self.places;
+        let CellPositions { x, y, depth_m } = self.positions;
         let cell = |coordinate: f32| (coordinate + 0.5) / CELL as f32 - 0.5;
         let cells = x.iter_mut().zip(y).zip(depth_m).zip(rays.pixels());
         for (((x, y), z), &[a, b]) in cells {
@@ -128,14 +128,20 @@ pub fn carry(
     options: &GaussianOptions,
 ) -> Image<DualMode> {
     let mut carried = Image::filled(depths_m.width(), depths_m.height(), DualMode::default());
-    let places = warp.places(depths_m.pixels().iter().copied());
-    simd::run(Carrying { previous, places: &places, exposure, options, carried: &mut carried });
+    let positions = warp.positions(depths_m.pixels().iter().copied());
+    simd::run(Carrying {
+        previous,
+        positions: &positions,
+        exposure,
+        options,
+        carried: &mut carried,
+    });
     carried
 }
 
 struct Carrying<'a> {
     previous: &'a Image<DualMode>,
-    places: &'a Places,
+    positions: &'a CellPositions,
     exposure: Exposure,
     options: &'a GaussianOptions,
     carried: &'a mut Image<DualMode>,
@@ -148,9 +154,9 @@ impl Kernel for Carrying<'_> {
     #[inline(always)]
     fn run(self) {
         const LANES: usize = 32;
-        let Self { previous, places, exposure, options, carried } = self;
-        let places = places.x.chunks(LANES).zip(places.y.chunks(LANES));
-        for (carried, (x, y)) in carried.pixels_mut().chunks_mut(LANES).zip(places) {
+        let Self { previous, positions, exposure, options, carried } = self;
+        let positions = positions.x.chunks(LANES).zip(positions.y.chunks(LANES));
+        for (carried, (x, y)) in carried.pixels_mut().chunks_mut(LANES).zip(positions) {
             let mut weights = [[0.0; LANES]; 4];
             let mut background = [ModeLanes::<LANES>::NONE; 4];
             let mut candidate = [ModeLanes::<LANES>::NONE; 4];
@@ -182,7 +188,7 @@ impl Kernel for Carrying<'_> {
     }
 }
 
-/// The four cells around a place, and the share of it that each covers.
+/// The four cells around a position, and the share of it that each covers.
 #[inline(always)]
 fn around((columns, rows): (usize, usize), x: f32, y: f32) -> Option<([f32; 4], [usize; 4])> {
     let (right, bottom) = ((columns - 1) as f32, (rows - 1) as f32);

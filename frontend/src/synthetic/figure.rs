@@ -106,7 +106,7 @@ pub(super) fn sitting(
     add(world_from_figure, &joints, clothes, out);
 }
 
-/// Limbs as capsules in the figure's axes, then all of it at its place.
+/// Limbs as capsules in the figure's axes, then all of it at its pose.
 fn add(world_from_figure: &Se3, joints: &Joints, clothes: &Clothes, out: &mut Vec<Solid>) {
     let first = out.len();
     let Clothes { shirt, trousers, shoes } = *clothes;
@@ -191,8 +191,8 @@ impl Track {
             (self.half_line_m + self.radius_m * sine, -self.radius_m * cosine, angle)
         };
         let [cx, cy] = self.center;
-        let place = upright(Vector3::new(cx, cy, 0.0), self.turn_rad + half_turn);
-        place * upright(Vector3::new(x, y, 0.0), heading)
+        let pose = upright(Vector3::new(cx, cy, 0.0), self.turn_rad + half_turn);
+        pose * upright(Vector3::new(x, y, 0.0), heading)
     }
 }
 

@@ -128,16 +128,16 @@ impl Material {
     pub(super) const SKIN: Self =
         Self { kind: Kind::Plain, dark: [0.45, 0.28, 0.2], light: [0.9, 0.68, 0.55], seed: 7 };
 
-    /// The color of a point on a flat face, (u, v) its place there, m. `footprint` is the width of a
-    /// pixel at its place, m.
+    /// The color of a point on a flat face, (u, v) its position there, m. `footprint` is the width of a
+    /// pixel there, m.
     pub(super) fn flat(&self, u: f32, v: f32, face: u8, footprint: f32) -> Albedo {
         let seed = self.seed.wrapping_add(u32::from(face) * 0x9e37);
         self.mixed(footprint, |index, layer| {
             let [c, s] = layer.turn;
-            let place = [(c * u + s * v) * layer.rate[0], (c * v - s * u) * layer.rate[1]];
+            let cell = [(c * u + s * v) * layer.rate[0], (c * v - s * u) * layer.rate[1]];
             let border = layer.rate.map(|rate| layer.border.max(footprint * rate).min(1.0));
-            let (i, a) = split(place[0], border[0]);
-            let (j, b) = split(place[1], border[1]);
+            let (i, a) = split(cell[0], border[0]);
+            let (j, b) = split(cell[1], border[1]);
             let seed = seed.wrapping_add(index);
             let hash = |di, dj| random::cell(i.wrapping_add(di), j.wrapping_add(dj), 0, seed);
             if layer.hue == 0.0 {

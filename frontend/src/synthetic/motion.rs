@@ -21,7 +21,7 @@ const SWAY: [[(f64, f64); 2]; 6] = [
     [(0.07, 0.37), (0.003, 1.9)],
 ];
 
-/// A hand's motion about a place and a direction.
+/// A hand's motion about a position and a direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hand {
     seed: u64,
@@ -47,13 +47,13 @@ impl Hand {
         .map(|waves| waves.iter().sum())
     }
 
-    /// World from camera: about `place`, looking along `yaw` (from the world's y, clockwise seen from
+    /// World from camera: about `position`, looking along `yaw` (from the world's y, clockwise seen from
     /// above) and `pitch` (up).
-    pub(super) fn held(&self, place: Vector3<f64>, yaw: f64, pitch: f64, time_s: f64) -> Se3 {
+    pub(super) fn held(&self, position: Vector3<f64>, yaw: f64, pitch: f64, time_s: f64) -> Se3 {
         let [x, y, z, yaw_offset, pitch_offset, roll] = self.offsets(time_s);
         let view = looking(yaw + yaw_offset, pitch + pitch_offset);
         let rotation = view * So3::exp(&Vector3::new(0.0, 0.0, roll));
-        Se3::new(rotation, place + Vector3::new(x, y, z))
+        Se3::new(rotation, position + Vector3::new(x, y, z))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Random numbers by place: a hash of where, instead of a stream of how many before.
+//! Random numbers by position: a hash of where, instead of a stream of how many before.
 //!
 //! So a pixel's noise and a cell's color do not depend on which thread came first.
 

@@ -37,7 +37,7 @@ pub(super) struct Surface {
     color: Albedo,
 }
 
-/// A camera without distortion at its place.
+/// A camera without distortion at its pose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
     pub(super) camera: PinholeRadialTangential,
@@ -118,7 +118,7 @@ impl<'a> Picture<'a> {
         image
     }
 
-    /// Sets each pixel by its place and the solids that its tile may show.
+    /// Sets each pixel by its position and the solids that its tile may show.
     fn draw<T: Copy + Send>(
         &self,
         image: &mut Image<T>,

@@ -196,9 +196,9 @@ impl Scene {
         let side = if index == 0 { -1.0 } else { 1.0 };
         let angle = around(time_s) + AHEAD + 0.12 * side + 0.1 * sway(0.31, 0);
         let scale = 1.0 + 0.14 * side + 0.05 * sway(0.23, 1);
-        let place = on_the_way(angle, scale);
-        let direction = on_the_way(angle + 1e-3, scale) - place;
-        let figure = super::solid::upright(place, direction.y.atan2(direction.x));
+        let position = on_the_way(angle, scale);
+        let direction = on_the_way(angle + 1e-3, scale) - position;
+        let figure = super::solid::upright(position, direction.y.atan2(direction.x));
         let clothes = Clothes::new((self.seed as u32 >> 8) + u32::from(index));
         figure::walking(&figure, WAY_M[0] * angle, &clothes, solids);
     }
@@ -224,13 +224,13 @@ impl Scene {
     pub(super) fn world_from_camera(&self, time_s: f64) -> Se3 {
         if self.name == SceneName::Loop {
             let yaw = TAU * time_s / self.duration_s;
-            let place = Vector3::new(0.7 * yaw.sin(), 0.55 * yaw.cos() - 0.1, 1.25);
-            return self.hand.held(place, yaw, -0.12, time_s);
+            let position = Vector3::new(0.7 * yaw.sin(), 0.55 * yaw.cos() - 0.1, 1.25);
+            return self.hand.held(position, yaw, -0.12, time_s);
         }
         if self.name == SceneName::Rounds {
             let angle = around(time_s);
-            let place = on_the_way(angle, 1.0) + Vector3::new(0.0, 0.0, 1.35);
-            return self.hand.held(place, angle + FOLLOWING_YAW, -0.12, time_s);
+            let position = on_the_way(angle, 1.0) + Vector3::new(0.0, 0.0, 1.35);
+            return self.hand.held(position, angle + FOLLOWING_YAW, -0.12, time_s);
         }
         self.hand.held(Vector3::new(0.0, -1.45, 1.3), 0.0, -0.15, time_s)
     }
@@ -254,7 +254,7 @@ fn around(time_s: f64) -> f64 {
     TAU * time_s / ROUND_S
 }
 
-/// A place on the floor on the way around the room, clockwise from the desk; `scale` 1 is the camera's way.
+/// A point on the floor on the way around the room, clockwise from the desk; `scale` 1 is the camera's way.
 fn on_the_way(angle: f64, scale: f64) -> Vector3<f64> {
     Vector3::new(scale * WAY_M[0] * angle.sin(), scale * WAY_M[1] * angle.cos() - 0.1, 0.0)
 }
@@ -308,9 +308,9 @@ mod tests {
                 let camera = scene.world_from_camera(time_s).translation;
                 for walker in &scene.walkers {
                     let distance = walker.start_m + walker.speed_m_s * time_s;
-                    let place = walker.track.at(distance).translation;
-                    assert!((place - camera).xy().norm() > 0.7, "seed {seed}, {time_s} s");
-                    assert!(place.y < 1.2, "inside the desk: {place}");
+                    let position = walker.track.at(distance).translation;
+                    assert!((position - camera).xy().norm() > 0.7, "seed {seed}, {time_s} s");
+                    assert!(position.y < 1.2, "inside the desk: {position}");
                 }
             }
         }
@@ -327,10 +327,13 @@ mod tests {
                 let solids = scene.solids(time_s);
                 assert!(solids.len() > standing);
                 for solid in &solids[standing..] {
-                    let place = solid.world_from_solid.translation;
+                    let position = solid.world_from_solid.translation;
                     let [x, y, _] = room::HALF_ROOM_M;
-                    assert!(place.x.abs() < x && place.y.abs() < y, "{seed}, {time_s} s: {place}");
-                    let distance = (place - camera).xy().norm();
+                    assert!(
+                        position.x.abs() < x && position.y.abs() < y,
+                        "{seed}, {time_s} s: {position}"
+                    );
+                    let distance = (position - camera).xy().norm();
                     assert!((0.35..3.2).contains(&distance), "{seed}, {time_s} s: {distance} m");
                 }
             }

@@ -29,7 +29,7 @@ pub(super) enum Shape {
     },
 }
 
-/// A solid at its place.
+/// A solid at its pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Solid {
     pub(super) shape: Shape,
@@ -203,7 +203,7 @@ impl Solid {
     }
 }
 
-/// A place at `position`, turned about the vertical (the world's z).
+/// A pose at `position`, turned about the vertical (the world's z).
 pub(super) fn upright(position: Vector3<f64>, turn_rad: f64) -> Se3 {
     Se3::new(So3::exp(&Vector3::new(0.0, 0.0, turn_rad)), position)
 }

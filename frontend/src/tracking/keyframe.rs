@@ -109,11 +109,11 @@ pub fn add_keyframe(
     let describer = Describer::new(view.pyramid.level(0));
     let describe = |pixel: &Vector2<f64>| describer.describe(pixel.x as f32, pixel.y as f32);
     let mut observations = Vec::with_capacity(matches.len());
-    let mut places = Vec::with_capacity(matches.len());
+    let mut observed = Vec::with_capacity(matches.len());
     let mut landmarks = Vec::new();
     for seen in matches {
         let (landmark, descriptor) = (map.landmarks[seen.landmark].id, describe(&seen.pixel));
-        places.push((seen.landmark, seen.pixel));
+        observed.push((seen.landmark, seen.pixel));
         observations.push(NewObservation { landmark, seen: *seen, descriptor });
     }
     for (pixel, z) in unmatched_corners(view, matches) {
@@ -121,15 +121,15 @@ pub fn add_keyframe(
         let point_in_world = world_from_camera.transform(&(ray * z));
         let straight = view.shutter.straightened(view.camera, &pixel);
         let descriptor = describe(&pixel);
-        let place = map.add_landmark(point_in_world);
-        let landmark = map.landmarks[place].id;
+        let index = map.add_landmark(point_in_world);
+        let landmark = map.landmarks[index].id;
         landmarks.push(NewLandmark { id: landmark, point_in_world });
         let depth_m = Some((z, depth::sigma_m(z)));
-        let seen = Match { landmark: place, pixel, straight, sigma_px: SIGMA_PX, depth_m };
-        places.push((place, pixel));
+        let seen = Match { landmark: index, pixel, straight, sigma_px: SIGMA_PX, depth_m };
+        observed.push((index, pixel));
         observations.push(NewObservation { landmark, seen, descriptor });
     }
-    let id = map.add_keyframe(timestamp_s, Arc::clone(pyramid), world_from_camera, places);
+    let id = map.add_keyframe(timestamp_s, Arc::clone(pyramid), world_from_camera, observed);
     let oldest_landmark = map.landmarks.first().map_or(0, |landmark| landmark.id);
     NewKeyframe {
         id,

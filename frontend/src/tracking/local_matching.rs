@@ -43,7 +43,7 @@ const MOST: usize = 400;
 /// A landmark found in the current frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
-    /// Its place in the local map.
+    /// Its index in the local map.
     pub landmark: usize,
     /// Where the image shows it.
     pub pixel: Vector2<f64>,
@@ -140,7 +140,7 @@ pub fn match_landmarks(
             }
         }
     }
-    // Sorted by place, so that sums over matches do not depend on the order of cells.
+    // Sorted by index, so that sums over matches do not depend on the order of cells.
     matches.sort_by_key(|found| found.landmark);
     matches
 }
@@ -273,12 +273,12 @@ fn affine(
     depth_m: f64,
 ) -> Option<Matrix2<f64>> {
     const REACH_PX: f64 = 5.0;
-    let place = |du: f64, dv: f64| {
+    let warped = |du: f64, dv: f64| {
         let ray: Vector3<f64> = camera.ray(&(pixel + Vector2::new(du, dv)));
         camera.project(&camera_from_keyframe.transform(&(ray * depth_m)))
     };
-    let center = place(0.0, 0.0)?;
-    let right = (place(REACH_PX, 0.0)? - center) / REACH_PX;
-    let down = (place(0.0, REACH_PX)? - center) / REACH_PX;
+    let center = warped(0.0, 0.0)?;
+    let right = (warped(REACH_PX, 0.0)? - center) / REACH_PX;
+    let down = (warped(0.0, REACH_PX)? - center) / REACH_PX;
     Some(Matrix2::from_columns(&[right, down]))
 }

@@ -77,12 +77,12 @@ impl WarpedPatch {
             return None;
         }
         let window = Window::around(image, (u - du, v - dv), (u + du, v + dv))?;
-        let place = (u - window.left as f32, v - window.top as f32);
-        let framed = simd::run(Warping { window: &window, place, warp: &warp });
+        let center = (u - window.left as f32, v - window.top as f32);
+        let framed = simd::run(Warping { window: &window, center, warp: &warp });
         Some(Self { framed, level })
     }
 
-    /// Searches for the patch near `expected` (level 0). Returns the place (level 0) and its
+    /// Searches for the patch near `expected` (level 0). Returns the pixel (level 0) and its
     /// correlation.
     pub(super) fn find(
         &self,
@@ -91,8 +91,8 @@ impl WarpedPatch {
     ) -> Option<(Vector2<f64>, f32)> {
         let image = current.level(self.level);
         let start = [expected.x, expected.y].map(|x| to_level(x, self.level) as f32);
-        let (place, correlation) = simd::run(Search { framed: &self.framed, image, start })?;
-        let [u, v] = place.map(|x| from_level(x, self.level));
+        let (pixel, correlation) = simd::run(Search { framed: &self.framed, image, start })?;
+        let [u, v] = pixel.map(|x| from_level(x, self.level));
         Some((Vector2::new(u, v), correlation))
     }
 }
@@ -131,7 +131,7 @@ impl Window {
 struct Warping<'a> {
     window: &'a Window,
     /// The patch's middle in the window.
-    place: (f32, f32),
+    center: (f32, f32),
     warp: &'a Matrix2<f32>,
 }
 
@@ -141,7 +141,7 @@ impl Kernel for Warping<'_> {
     #[inline(always)]
     fn run(self) -> Self::Output {
         const COUNT: usize = FRAMED * FRAMED;
-        let Self { window: Window { pixels, .. }, place, warp } = self;
+        let Self { window: Window { pixels, .. }, center, warp } = self;
         let mut at = [0_u16; COUNT];
         let (mut between_columns, mut between_rows) = ([0.0_f32; COUNT], [0.0_f32; COUNT]);
         for row in 0..FRAMED {
@@ -149,8 +149,8 @@ impl Kernel for Warping<'_> {
             for column in 0..FRAMED {
                 let x = column as f32 - (FRAMED as f32 - 1.0) * 0.5;
                 let i = row * FRAMED + column;
-                let u = place.0 + (warp.m11 * x + warp.m12 * y);
-                let v = place.1 + (warp.m21 * x + warp.m22 * y);
+                let u = center.0 + (warp.m11 * x + warp.m12 * y);
+                let v = center.1 + (warp.m21 * x + warp.m22 * y);
                 let (left, top) = (u as i32, v as i32);
                 at[i] = (top * WINDOW as i32 + left) as u16;
                 (between_columns[i], between_rows[i]) = (u - left as f32, v - top as f32);

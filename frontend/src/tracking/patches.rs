@@ -262,8 +262,8 @@ impl Kernel for ReadPatches<'_> {
         let batch = |part: &[(usize, (f32, f32))]| {
             // The patch of a lane without a point is never visible.
             let (mut u, mut v) = ([-1.0; LANES], [-1.0; LANES]);
-            for (lane, &(_, place)) in part.iter().enumerate() {
-                (u[lane], v[lane]) = place;
+            for (lane, &(_, pixel)) in part.iter().enumerate() {
+                (u[lane], v[lane]) = pixel;
             }
             let mut batch = Batch::new(image, (&u, &v));
             for (lane, &(point, _)) in part.iter().enumerate() {

@@ -18,7 +18,7 @@ const BORDER: usize = 4;
 /// Largest depth from which a point is computed, meters.
 const FARTHEST_M: f32 = 8.0;
 
-/// A point of the reference image with its place in space.
+/// A point of the reference image with its position in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AlignmentPoint {
     /// Its pixel in the reference image.

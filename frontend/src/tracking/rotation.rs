@@ -69,8 +69,9 @@ impl SmallImage {
             let mut seen = 0;
             for sample in &samples {
                 let Some(pixel) = camera.project(&(rotation * sample.ray)) else { continue };
-                let place = pixel.map(|x| (x + 0.5) / scale_px - 0.5);
-                let Some(gray) = sampled(&later.gray, place.x as f32, place.y as f32) else {
+                let pixel_later = pixel.map(|x| (x + 0.5) / scale_px - 0.5);
+                let Some(gray) = sampled(&later.gray, pixel_later.x as f32, pixel_later.y as f32)
+                else {
                     continue;
                 };
                 seen += 1;

@@ -69,7 +69,7 @@ impl Check<'_> {
         self.known(field, "landmark", reference, |map, id| map.landmarks().contains_key(id))
     }
 
-    /// The landmarks of a list that the map holds, each with its place in the list.
+    /// The landmarks of a list that the map holds, each with its index in the list.
     fn known_landmarks(&mut self, path: &str, sent: &[EntityRef]) -> Vec<(usize, EntityId)> {
         self.not_empty(path, sent.len());
         let mut known = Vec::with_capacity(sent.len());

@@ -234,15 +234,15 @@ impl Check<'_> {
             &Item::PositionPrior {
                 id,
                 ref keyframe,
-                place,
+                position,
                 point_in_camera,
                 information,
                 loss,
             } => {
                 let id = self.new_constraint("position_prior.id", id);
                 let keyframe = self.keyframe("position_prior.keyframe", keyframe);
-                let position_in_world = self.place(place)?;
-                let information = match place {
+                let position_in_world = self.position_in_world(position)?;
+                let information = match position {
                     MeasuredPosition::InWorld(_) => {
                         self.information("position_prior.information", &information)?
                     }
@@ -263,18 +263,18 @@ impl Check<'_> {
     }
 
     /// A measured position in the world frame.
-    fn place(&mut self, place: MeasuredPosition) -> Option<Vector3<f64>> {
-        match place {
+    fn position_in_world(&mut self, position: MeasuredPosition) -> Option<Vector3<f64>> {
+        match position {
             MeasuredPosition::InWorld(point) => {
                 Some(self.scaled_point("position_prior.point_in_world", &point))
             }
-            MeasuredPosition::OnEarth(place) => {
+            MeasuredPosition::OnEarth(point) => {
                 let frame = self.map.policy().geodetic_anchor.as_ref().map(LocalFrame::new);
                 if frame.is_none() {
                     let text = "the map's policy has no geodetic_anchor";
                     self.add("position_prior.geodetic_point", Reason::Inconsistent, text);
                 }
-                frame.map(|frame| frame.point_in_local(&place))
+                frame.map(|frame| frame.point_in_local(&point))
             }
         }
     }
@@ -392,7 +392,7 @@ impl Check<'_> {
             let position = match self.map.landmarks().get(&landmark) {
                 Some(known) => known.position,
                 None => match new.binary_search_by_key(&landmark, |new| new.id) {
-                    Ok(place) => new[place].position,
+                    Ok(index) => new[index].position,
                     Err(_absent) => {
                         self.unknown(format_args!("{at}.landmark"), "landmark", &sent.landmark);
                         None

@@ -113,8 +113,8 @@ impl Map {
     /// A keyframe no longer sees a landmark.
     pub(super) fn forget_observer(&mut self, landmark_id: EntityId, keyframe: EntityId) {
         let Some(landmark) = self.parts.landmarks.get_mut(&landmark_id) else { return };
-        let Ok(place) = landmark.observers.binary_search(&keyframe) else { return };
-        landmark.observers.remove(place);
+        let Ok(index) = landmark.observers.binary_search(&keyframe) else { return };
+        landmark.observers.remove(index);
         self.covisibility.forget(landmark_id, &landmark.observers, keyframe);
         if landmark.observers.is_empty() {
             self.unseen.insert((landmark.added_revision, landmark_id), ());

@@ -83,15 +83,15 @@ impl Map {
 
     /// Removes the clients that came with a merged map, and all that is theirs.
     pub(super) fn take_out(&mut self, name: &str) {
-        let Some(place) = self.parts.merged.iter().position(|merged| merged.name == name) else {
+        let Some(index) = self.parts.merged.iter().position(|merged| merged.name == name) else {
             return;
         };
-        let merged = self.parts.merged.remove(place);
+        let merged = self.parts.merged.remove(index);
         let going: BTreeSet<ClientIndex> = merged.clients.iter().map(|c| c.index).collect();
         let mut at = 0;
         self.parts.merged.retain_mut(|other| {
             at += 1;
-            let leaves = at <= place && other.is_among(|client| going.contains(&client));
+            let leaves = at <= index && other.is_among(|client| going.contains(&client));
             other.clients.retain(|client| !going.contains(&client.index));
             !leaves
         });

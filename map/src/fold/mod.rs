@@ -227,12 +227,12 @@ impl Map {
         for id in seen {
             let Some(landmark) = landmarks.get_mut(&id) else { continue };
             // A second feature on the same landmark adds no covisibility.
-            if let Err(place) = landmark.observers.binary_search(&keyframe_id) {
+            if let Err(index) = landmark.observers.binary_search(&keyframe_id) {
                 if landmark.observers.is_empty() {
                     unseen.remove(&(landmark.added_revision, id));
                 }
                 covisibility.observe(id, &landmark.observers, keyframe_id, age, &mut sharing);
-                landmark.observers.insert(place, keyframe_id);
+                landmark.observers.insert(index, keyframe_id);
             }
             landmark.reference.get_or_insert(keyframe_id);
         }

@@ -241,9 +241,9 @@ fn scale_at(
 
 /// A landmark where the map has it, as uncertain as the keyframes around leave it.
 fn estimate(map: &Map, around: &Surroundings<'_>, landmark: EntityId) -> Option<PointEstimate> {
-    let place = around.landmarks.binary_search(&landmark).ok()?;
+    let index = around.landmarks.binary_search(&landmark).ok()?;
     let point = map.landmarks().get(&landmark)?.position?;
-    Some(PointEstimate { point, ..around.points[place] })
+    Some(PointEstimate { point, ..around.points[index] })
 }
 
 /// What all landmarks of the places say together; `None` where both maps measure lengths.

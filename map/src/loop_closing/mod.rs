@@ -68,7 +68,7 @@ impl<'a> View<'a> {
         })
     }
 
-    /// The features that the index of places compares, and their places among [`View::features`].
+    /// The features that the index of places compares, and their indices among [`View::features`].
     pub fn searchable(&self) -> (Vec<usize>, Vec<place::Feature<'a>>) {
         searchable(self.descriptors.iter().copied())
     }
@@ -81,7 +81,7 @@ pub fn comparable(image: Option<&Descriptor>) -> Option<place::Feature<'_>> {
     (*kind == DescriptorKind::Float32).then_some(place::Feature { name, data })
 }
 
-/// The descriptors that the index of places can hold, and their places in a list.
+/// The descriptors that the index of places can hold, and their indices in a list.
 fn searchable<'a>(
     all: impl Iterator<Item = Option<&'a Descriptor>>,
 ) -> (Vec<usize>, Vec<place::Feature<'a>>) {
@@ -93,7 +93,7 @@ fn searchable<'a>(
     all.enumerate().filter_map(feature).unzip()
 }
 
-/// The features of a keyframe as the index holds them, and their places among its observations.
+/// The features of a keyframe as the index holds them, and their indices among its observations.
 #[must_use]
 pub fn indexed(keyframe: &Keyframe) -> (Vec<usize>, Vec<place::Feature<'_>>) {
     searchable(keyframe.observations.iter().map(|seen| seen.descriptor.as_deref()))
@@ -145,12 +145,12 @@ pub fn locate(
     (seed, interrupt): (u64, &Interrupt),
     accept: impl Fn(EntityId, &Verified) -> Result<(), Refusal>,
 ) -> (Vec<PlaceCandidate>, Option<Located>) {
-    let (places, _) = view.searchable();
+    let (indices, _) = view.searchable();
     let mut verified = Vec::new();
     for candidate in candidates.iter().take(PlaceSearch::MOST_CANDIDATES) {
         let Some(keyframe) = map.keyframes().get(&candidate.keyframe) else { continue };
         let id = candidate.keyframe;
-        let found = judge_candidate(map, view, &places, (candidate, keyframe), (seed, interrupt));
+        let found = judge_candidate(map, view, &indices, (candidate, keyframe), (seed, interrupt));
         let found = found.and_then(|located| match accept(id, &located.verified) {
             Ok(()) => Ok(located),
             Err(refusal) => Err(refused(&refusal)),
@@ -181,7 +181,7 @@ fn unusable(error: &InputError) -> PlaceRefusal {
 fn judge_candidate(
     map: &Map,
     view: &View<'_>,
-    places: &[usize],
+    indices: &[usize],
     (candidate, keyframe): (&Candidate, &Keyframe),
     (seed, interrupt): (u64, &Interrupt),
 ) -> Result<Located, PlaceRefusal> {
@@ -202,7 +202,7 @@ fn judge_candidate(
     let mut matches: Vec<Proposed> = Vec::new();
     let mut taken = BTreeSet::new();
     for found in &candidate.matches {
-        let Some(&feature) = places.get(found.query) else { continue };
+        let Some(&feature) = indices.get(found.query) else { continue };
         let observation = at_candidate.get(found.candidate);
         let Some(seen) = observation.and_then(|&at| keyframe.observations.get(at)) else {
             continue;

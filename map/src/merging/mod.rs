@@ -251,10 +251,10 @@ impl Map {
     /// # Errors
     /// [`MergeError::OutOfRange`], and [`MergeError::Content`], a bug.
     pub fn taken_out(&self, name: &str) -> Result<Option<Self>, MergeError> {
-        let Some(place) = self.merged().iter().position(|merged| merged.name == name) else {
+        let Some(index) = self.merged().iter().position(|merged| merged.name == name) else {
             return Ok(None);
         };
-        let merged = &self.merged()[place];
+        let merged = &self.merged()[index];
         let going: BTreeMap<ClientIndex, u32> =
             merged.clients.iter().map(|client| client.index).zip(0..).collect();
         let goes = |id: EntityId| going.contains_key(&id.client);
@@ -319,7 +319,7 @@ impl Map {
         parts.contents = kept(&parts.contents, |(kind, id)| {
             goes(id) && (kind != Content::Constraint || holds(&id))
         });
-        let inner = self.merged()[..place].iter();
+        let inner = self.merged()[..index].iter();
         let inner = inner.filter(|inner| inner.is_among(|client| going.contains_key(&client)));
         parts.merged = inner.cloned().collect();
         let mut positions = vec![ClientIndex(0); self.clients().len()];

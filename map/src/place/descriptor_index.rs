@@ -40,7 +40,7 @@ pub(super) struct Frame {
     id: EntityId,
     time_ns: i64,
     words: Box<[u64]>,
-    /// Of each descriptor: its place in what the caller gave.
+    /// Of each descriptor: its index in what the caller gave.
     numbers: Box<[u16]>,
 }
 
@@ -166,8 +166,8 @@ impl DescriptorIndex {
         let slot = slot as u32;
         self.slots.insert(id, slot);
         let key = self.key_in_order(slot);
-        let place = self.order.partition_point(|&other| self.key_in_order(other) < key);
-        self.order.insert(place, slot);
+        let index = self.order.partition_point(|&other| self.key_in_order(other) < key);
+        self.order.insert(index, slot);
         let mut tables = std::mem::replace(&mut self.tables, [Buckets::new(), Buckets::new()]);
         for feature in 0..count {
             let value = (slot << FEATURE_BITS) | feature as u32;
@@ -185,8 +185,8 @@ impl DescriptorIndex {
     pub(super) fn remove(&mut self, id: EntityId) -> bool {
         let Some(slot) = self.slots.get(&id).copied() else { return false };
         let key = self.key_in_order(slot);
-        let place = self.order.partition_point(|&other| self.key_in_order(other) < key);
-        self.order.remove(place);
+        let index = self.order.partition_point(|&other| self.key_in_order(other) < key);
+        self.order.remove(index);
         self.slots.remove(&id);
         if let Some(frame) = self.frames[slot as usize].take() {
             for descriptor in frame.words.chunks_exact(self.words) {
@@ -257,7 +257,7 @@ impl DescriptorIndex {
         found.collect()
     }
 
-    /// The keyframes of each client, as places in the order of time.
+    /// The keyframes of each client, as indices in the order of time.
     fn runs(&self) -> Vec<Range<usize>> {
         let client = |slot: u32| self.key_in_order(slot).map(|(client, ..)| client);
         let mut end = 0;

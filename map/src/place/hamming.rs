@@ -52,10 +52,10 @@ pub(super) type Row = [u64; LANES];
 /// Above all ranks.
 pub(super) const NONE: u64 = u64::MAX;
 
-/// A distance, which comes first in the order, and a place: of equal distances the first place is least.
+/// A distance, which comes first in the order, and an index: of equal distances the first index is least.
 #[inline(always)]
-fn rank(distance: u64, place: usize) -> u64 {
-    (distance << 32) | place as u64
+fn rank(distance: u64, index: usize) -> u64 {
+    (distance << 32) | index as u64
 }
 
 /// Descriptors in blocks of [`LANES`], the same word of each side by side.
@@ -91,7 +91,7 @@ impl Blocks {
 }
 
 /// The best and the second best rank in each lane of descriptor `number`, by distance to those of `b`, with
-/// their places. `nearest` has for each of `b` the least rank of the descriptors so far, by their numbers.
+/// their indices. `nearest` has for each of `b` the least rank of the descriptors so far, by their numbers.
 #[inline(always)]
 pub(super) fn ranked(a: &[u64], number: usize, b: &Blocks, nearest: &mut [Row]) -> [Row; 2] {
     #[cfg(target_arch = "x86_64")]
@@ -160,8 +160,8 @@ mod avx512 {
                 distance = _mm512_add_epi64(distance, _mm512_popcnt_epi64(different));
             }
             let first = _mm512_slli_epi64::<32>(distance);
-            let place = _mm512_add_epi64(lanes, _mm512_set1_epi64((block * LANES) as i64));
-            let to_b = _mm512_or_si512(first, place);
+            let index = _mm512_add_epi64(lanes, _mm512_set1_epi64((block * LANES) as i64));
+            let to_b = _mm512_or_si512(first, index);
             second = _mm512_min_epu64(second, _mm512_max_epu64(best, to_b));
             best = _mm512_min_epu64(best, to_b);
             let to_a = _mm512_min_epu64(load(nearest), _mm512_or_si512(first, own));

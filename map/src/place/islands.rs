@@ -13,7 +13,7 @@ pub(super) const REACH: usize = 5;
 /// Keyframes that were voted for together.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Island {
-    /// Its keyframes, as places in the order of time.
+    /// Its keyframes, as indices in the order of time.
     pub(super) members: Range<usize>,
     /// The one with most votes.
     pub(super) best: usize,

@@ -10,7 +10,7 @@ use super::hamming::{Blocks, Kernel, LANES, NONE, ranked};
 /// Lowe (2004) takes 0.8 for SIFT, ORB-SLAM up to 0.9 for binary descriptors.
 const RATIO: f64 = 0.85;
 
-/// A pair of descriptors, by their places in the two keyframes.
+/// A pair of descriptors, by their indices in the two keyframes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Pair {
     pub(super) a: usize,
@@ -32,7 +32,7 @@ fn distance_of(rank: u64) -> u32 {
     (rank >> 32) as u32
 }
 
-fn place_of(rank: u64) -> usize {
+fn index_of(rank: u64) -> usize {
     rank as u32 as usize
 }
 
@@ -53,10 +53,10 @@ impl Kernel for Matching<'_> {
             of_a.push((nearest, distance_of(next)));
         }
         let matched = of_a.into_iter().enumerate().filter_map(|(a, (nearest, second))| {
-            let (distance, b) = (distance_of(nearest), place_of(nearest));
+            let (distance, b) = (distance_of(nearest), index_of(nearest));
             // Two that are equally near, be it at distance 0, are ambiguous.
             let clear = distance < second && f64::from(distance) <= RATIO * f64::from(second);
-            let to_b = nearest_a.get(b / LANES).map(|block| place_of(block[b % LANES]));
+            let to_b = nearest_a.get(b / LANES).map(|block| index_of(block[b % LANES]));
             let is_match = distance <= self.largest && clear && to_b == Some(a);
             is_match.then_some(Pair { a, b, distance })
         });

@@ -84,9 +84,9 @@ pub enum PlaceError {
 /// Two descriptors that are each other's best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlaceMatch {
-    /// Place among the features of the query.
+    /// Index among the features of the query.
     pub query: usize,
-    /// Place among the features of the candidate, as they were added.
+    /// Index among the features of the candidate, as they were added.
     pub candidate: usize,
     /// Different bits.
     pub distance: u32,
@@ -111,7 +111,7 @@ pub struct Candidate {
     /// Share of the descriptors of query or candidate, whichever has fewer, that match the other; each
     /// counts with ln(N/n)/ln(N), where n of N keyframes were found to have one like it. From 0 to 1.
     pub score: f64,
-    /// The matches, by their place in the query.
+    /// The matches, by their index in the query.
     pub matches: Vec<PlaceMatch>,
     /// What was voted for together.
     pub island: Island,

@@ -28,11 +28,11 @@ pub(super) struct WholeImages {
     /// Each list by client, then time.
     kinds: BTreeMap<Kind, Vec<Image>>,
     /// The list of each keyframe's image, and its time there.
-    places: BTreeMap<EntityId, (Kind, i64)>,
+    kept: BTreeMap<EntityId, (Kind, i64)>,
 }
 
 /// Where the image of a keyframe stands in a list, or where it belongs.
-fn place(images: &[Image], id: EntityId, time_ns: i64) -> usize {
+fn index(images: &[Image], id: EntityId, time_ns: i64) -> usize {
     let order = (id.client, time_ns, id);
     images.partition_point(|other| (other.id.client, other.time_ns, other.id) < order)
 }
@@ -90,18 +90,18 @@ impl WholeImages {
             }
         };
         let images = self.kinds.entry(kind.clone()).or_default();
-        images.insert(place(images, id, time_ns), image);
-        self.places.insert(id, (kind, time_ns));
+        images.insert(index(images, id, time_ns), image);
+        self.kept.insert(id, (kind, time_ns));
         Ok(())
     }
 
     /// Removes the image of a keyframe; false where there is none.
     pub(super) fn remove(&mut self, id: EntityId) -> bool {
-        let Some((kind, time_ns)) = self.places.remove(&id) else { return false };
+        let Some((kind, time_ns)) = self.kept.remove(&id) else { return false };
         if let Some(images) = self.kinds.get_mut(&kind) {
-            let place = place(images, id, time_ns);
-            if images.get(place).is_some_and(|image| image.id == id) {
-                images.remove(place);
+            let index = index(images, id, time_ns);
+            if images.get(index).is_some_and(|image| image.id == id) {
+                images.remove(index);
             }
             if images.is_empty() {
                 self.kinds.remove(&kind);
@@ -111,7 +111,7 @@ impl WholeImages {
     }
 
     pub(super) fn contains(&self, id: EntityId) -> bool {
-        self.places.contains_key(&id)
+        self.kept.contains_key(&id)
     }
 
     /// Memory, bytes.
@@ -119,8 +119,8 @@ impl WholeImages {
         let of = |((name, length), images): (&Kind, &Vec<Image>)| {
             name.len() + images.capacity() * size_of::<Image>() + images.len() * 4 * length
         };
-        let places = self.places.len() * size_of::<(EntityId, (Kind, i64))>();
-        self.kinds.iter().map(of).sum::<usize>() + places
+        let kept = self.kept.len() * size_of::<(EntityId, (Kind, i64))>();
+        self.kinds.iter().map(of).sum::<usize>() + kept
     }
 
     /// The keyframes most like the query: the best ones, none within the reach in time of a better one,

@@ -63,8 +63,8 @@ pub fn measured_graph(
     }
     let mut closures = Vec::new();
     for (&id, constraint) in map.constraints() {
-        let i = pairs.place(constraint.keyframe_i);
-        if let (Some(i), Some(j)) = (i, pairs.place(constraint.keyframe_j)) {
+        let i = pairs.index(constraint.keyframe_i);
+        if let (Some(i), Some(j)) = (i, pairs.index(constraint.keyframe_j)) {
             let i_from_j = constraint.keyframe_i_from_keyframe_j;
             let information = constraint.information;
             if constraint.kind == ConstraintKind::LoopClosure {

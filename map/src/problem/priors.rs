@@ -21,7 +21,7 @@ pub(super) fn add(
 ) -> Vec<JudgedPosition> {
     let mut positions = Vec::new();
     for (&id, prior) in map.priors() {
-        let Some(pose) = pairs.place(prior.keyframe()) else { continue };
+        let Some(pose) = pairs.index(prior.keyframe()) else { continue };
         match *prior {
             Prior::Pose { world_from_camera, information, loss, .. } => {
                 let prior = PosePrior { pose, world_from_camera, information, loss };

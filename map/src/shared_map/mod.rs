@@ -67,7 +67,7 @@ impl<K, V> SharedMap<K, V> {
     }
 }
 
-/// Where a key is or would be inserted: its branch, its leaf and its place in the leaf.
+/// Where a key is or would be inserted: its branch, its leaf and its index in the leaf.
 type Position = (usize, usize, Result<usize, usize>);
 
 /// The part that holds a key if any does; `None` below the first.
@@ -75,7 +75,7 @@ fn part_of<K: Ord, T>(parts: &[(K, T)], key: &K) -> Option<usize> {
     parts.partition_point(|part| part.0 <= *key).checked_sub(1)
 }
 
-/// The place of a key in a leaf; it is most often at `at`.
+/// The index of a key in a leaf; it is most often at `at`.
 fn place_near<K: Ord + Copy, V>(leaf: &[(K, V)], at: usize, key: &K) -> Result<usize, usize> {
     match leaf.get(at) {
         Some((next, _)) if next == key => Ok(at),
@@ -85,7 +85,7 @@ fn place_near<K: Ord + Copy, V>(leaf: &[(K, V)], at: usize, key: &K) -> Result<u
 
 impl<K: Ord + Copy, V> SharedMap<K, V> {
     /// `None` below all entries.
-    fn place(&self, key: &K) -> Option<Position> {
+    fn position(&self, key: &K) -> Option<Position> {
         let branch = part_of(&self.branches, key)?;
         let leaves = &self.branches[branch].1;
         let leaf = part_of(leaves, key)?;
@@ -110,7 +110,7 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
         Rising { map: self, leaf: &[], end: None, at: 0 }
     }
 
-    /// The first key behind the leaf at a place; `None` behind the last leaf.
+    /// The first key behind the leaf at a position; `None` behind the last leaf.
     fn end_of(&self, branch: usize, leaf: usize) -> Option<K> {
         let next = self.branches[branch].1.get(leaf + 1).map(|&(key, _)| key);
         next.or_else(|| self.branches.get(branch + 1).map(|&(key, _)| key))
@@ -131,7 +131,7 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
 
     /// The entries from a key on, rising.
     pub fn entries_from(&self, first: K) -> impl Iterator<Item = (&K, &V)> {
-        match self.place(&first) {
+        match self.position(&first) {
             None => self.iter().entries,
             Some((branch, leaf, at)) => {
                 let leaves = &self.branches[branch].1;
@@ -154,7 +154,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
 
     /// The value of a key, to be changed.
     pub fn get_mut(&mut self, key: &K) -> Option<&mut V> {
-        let (branch, leaf, at) = self.place(key)?;
+        let (branch, leaf, at) = self.position(key)?;
         let at = at.ok()?;
         Some(&mut Arc::make_mut(&mut self.leaves_mut(branch)[leaf].1)[at].1)
     }
@@ -168,7 +168,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
     ) {
         let mut changes = changes.into_iter().peekable();
         while let Some((first, value)) = changes.next() {
-            let Some((branch, leaf, Ok(at))) = self.place(&first) else { continue };
+            let Some((branch, leaf, Ok(at))) = self.position(&first) else { continue };
             let end = self.end_of(branch, leaf);
             let entries = Arc::make_mut(&mut self.leaves_mut(branch)[leaf].1);
             change(&mut entries[at].1, value);
@@ -188,7 +188,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
 
     /// The value of a key, to be changed; `value` where it has none yet.
     pub fn get_or_insert(&mut self, key: K, value: impl FnOnce() -> V) -> &mut V {
-        let (branch, leaf, at) = match self.place(&key) {
+        let (branch, leaf, at) = match self.position(&key) {
             Some((branch, leaf, Ok(at))) => (branch, leaf, at),
             vacant => self.insert_at(vacant, key, value()),
         };
@@ -204,7 +204,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
 
     /// Sets the value of a key; returns the one that it had.
     pub fn insert(&mut self, key: K, value: V) -> Option<V> {
-        match self.place(&key) {
+        match self.position(&key) {
             Some((branch, leaf, Ok(at))) => {
                 let entry = &mut Arc::make_mut(&mut self.leaves_mut(branch)[leaf].1)[at];
                 Some(std::mem::replace(&mut entry.1, value))
@@ -216,13 +216,13 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
         }
     }
 
-    /// Inserts a key without a value at its place; returns its new place.
-    fn insert_at(&mut self, place: Option<Position>, key: K, value: V) -> (usize, usize, usize) {
+    /// Inserts a key without a value at its position; returns its new one.
+    fn insert_at(&mut self, position: Option<Position>, key: K, value: V) -> (usize, usize, usize) {
         self.len += 1;
         if self.branches.is_empty() {
             self.branches.push((key, Arc::new(vec![(key, Arc::new(Vec::new()))])));
         }
-        let (branch, leaf, at) = match place {
+        let (branch, leaf, at) = match position {
             Some((branch, leaf, at)) => (branch, leaf, at.unwrap_or_else(|at| at)),
             None => {
                 self.branches[0].0 = key;
@@ -252,7 +252,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
         (branch, leaf, at)
     }
 
-    /// Splits a branch that has become too long; returns the new place of its leaf.
+    /// Splits a branch that has become too long; returns the new position of its leaf.
     fn split_branch(&mut self, branch: usize, leaf: usize) -> (usize, usize) {
         let leaves = self.leaves_mut(branch);
         if leaves.len() <= BRANCH {
@@ -266,7 +266,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
 
     /// Removes a key; answers its value.
     pub fn remove(&mut self, key: &K) -> Option<V> {
-        let (branch, leaf, at) = self.place(key)?;
+        let (branch, leaf, at) = self.position(key)?;
         let at = at.ok()?;
         self.len -= 1;
         let leaves = self.leaves_mut(branch);
@@ -363,7 +363,7 @@ pub struct Rising<'a, K, V> {
     leaf: &'a [(K, V)],
     /// The first key behind that leaf; `None` behind the last leaf.
     end: Option<K>,
-    /// The place in the leaf where the next key is expected.
+    /// The index in the leaf where the next key is expected.
     at: usize,
 }
 
@@ -375,7 +375,7 @@ impl<'a, K: Ord + Copy, V> Rising<'a, K, V> {
         let at = if is_here {
             place_near(self.leaf, self.at, key)
         } else {
-            let (branch, leaf, at) = self.map.place(key)?;
+            let (branch, leaf, at) = self.map.position(key)?;
             self.leaf = &self.map.branches[branch].1[leaf].1;
             self.end = self.map.end_of(branch, leaf);
             at
@@ -408,7 +408,7 @@ impl<'a, K, V> Iterator for Iter<'a, K, V> {
 
 impl<K, V> ExactSizeIterator for Iter<'_, K, V> {}
 
-/// The entries from some place on.
+/// The entries from some key on.
 #[derive(Debug)]
 struct Entries<'a, K, V> {
     branches: slice::Iter<'a, (K, Arc<Leaves<K, V>>)>,

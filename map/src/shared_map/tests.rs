@@ -29,9 +29,9 @@ fn check(map: &SharedMap<i64, i64>) {
     for (branch, leaves) in &map.branches {
         assert!((1..=BRANCH).contains(&leaves.len()));
         assert!(last.is_none_or(|last| last < *branch) && *branch == leaves[0].0);
-        for (place, leaf) in leaves.iter() {
+        for (position, leaf) in leaves.iter() {
             assert!((1..=LEAF).contains(&leaf.len()));
-            assert!(last.is_none_or(|last| last < *place) && *place <= leaf[0].0);
+            assert!(last.is_none_or(|last| last < *position) && *position <= leaf[0].0);
             last = leaf.last().map(|entry| entry.0);
         }
     }

@@ -53,7 +53,7 @@ pub(super) fn along<L: Lanes, const D: usize, const V: usize, const T: usize, co
         for (row, &view) in rows.iter_mut().zip(views) {
             *row = l.load(&of[view as usize].tail[t]);
         }
-        // The places after the first are not wanted: their shuffles are never made.
+        // The lanes after the first are not wanted: their shuffles are never made.
         let [delta, ..] = l.transpose(rows);
         for (r, sum) in along.iter_mut().enumerate() {
             *sum = l.fma(lin.column(l, r, V * WIDTH + t, D), delta, *sum);

@@ -1,15 +1,15 @@
 //! Blocks and vectors over the columns of a view, laid out for vectors of eight.
 //!
-//! A view has D columns: V·8 places in vectors and, where D is one more, a *tail* of T = 1 that is
+//! A view has D columns: V·8 entries in vectors and, where D is one more, a *tail* of T = 1 that is
 //! kept apart, so that nine columns do not cost sixteen. Nothing here computes.
 
 use crate::simd::{Line, WIDTH};
 
-/// A vector over a view's columns; places past D are zero.
+/// A vector over a view's columns; entries past D are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ViewVector<const V: usize, const T: usize> {
     pub(super) rows: [Line; V],
-    /// The tail is in the first place.
+    /// The tail is the first entry.
     pub(super) tail: [Line; T],
 }
 
@@ -40,7 +40,7 @@ pub(super) struct Block<const D: usize, const V: usize, const T: usize> {
     pub(super) columns: [[Line; V]; D],
     /// Tail rows without their tail.
     pub(super) tails: [[Line; V]; T],
-    /// Tail of the tail row, in the first place.
+    /// Tail of the tail row, the first entry.
     pub(super) corner: [Line; T],
 }
 

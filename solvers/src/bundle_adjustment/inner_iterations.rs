@@ -95,10 +95,10 @@ impl<const R: usize> Kernel for InnerIterations<'_, R> {
 /// Costs, gradients and Hessians of the landmarks of a tile.
 #[inline(always)]
 fn evaluate<L: Lanes, const R: usize>(l: L, inputs: &Inputs<'_>, tile: &Tile, rows: &mut Rows<2>) {
-    let place = InTile { first: tile.landmarks.start };
+    let point_index = InTile { first: tile.landmarks.start };
     let begin = tile.observations.start;
     for first in tile.observations.clone().step_by(WIDTH) {
-        let lines = l.call(Observe::<R> { inputs, first, place });
+        let lines = l.call(Observe::<R> { inputs, first, point_index });
         rows.put(l, first - begin, 0, lines[0]);
         rows.put(l, first - begin, 1, lines[1]);
     }
@@ -110,7 +110,7 @@ fn evaluate<L: Lanes, const R: usize>(l: L, inputs: &Inputs<'_>, tile: &Tile, ro
 struct Observe<'a, const R: usize> {
     inputs: &'a Inputs<'a>,
     first: usize,
-    place: InTile,
+    point_index: InTile,
 }
 
 impl<L: Lanes, const R: usize> Subroutine<L> for Observe<'_, R> {
@@ -118,9 +118,9 @@ impl<L: Lanes, const R: usize> Subroutine<L> for Observe<'_, R> {
 
     #[inline(always)]
     fn run(self, l: L) -> [[L::V; WIDTH]; 2] {
-        let Self { inputs, first, place } = self;
+        let Self { inputs, first, point_index } = self;
         // Nothing reads the columns of pose and camera, so that they are not computed.
-        let mut lin = by_model::<L, _, R>(l, inputs, first, place);
+        let mut lin = by_model::<L, _, R>(l, inputs, first, point_index);
         let cost = lin.weigh_landmark(l, &inputs.loss, inputs.stiffness);
         let mut lines = [[l.splat(0.0); WIDTH]; 2];
         let [products, last] = &mut lines;

@@ -226,7 +226,7 @@ impl PointIndex for InTile {
 fn look<L: Lanes, M: LaneModel>(
     l: L,
     inputs: &Inputs<'_>,
-    place: impl PointIndex,
+    point_index: impl PointIndex,
     first: usize,
 ) -> Seen<L> {
     let sorted = inputs.sorted;
@@ -236,7 +236,7 @@ fn look<L: Lanes, M: LaneModel>(
     let positions = eight_indices(&sorted.positions, first);
     let mut rows = [l.splat(0.0); WIDTH];
     for (row, &position) in rows.iter_mut().zip(positions) {
-        *row = l.load(eight(inputs.points, place.of(position)));
+        *row = l.load(eight(inputs.points, point_index.of(position)));
     }
     let [x, y, z, ..] = l.transpose(rows);
     let offset = [l.sub(x, b[1]), l.sub(y, b[2]), l.sub(z, b[3])];
@@ -336,16 +336,17 @@ pub(super) fn linearize<
     first: usize,
     consumer: C,
 ) {
-    let place = Everywhere;
+    let point_index = Everywhere;
     if !SPECIAL {
         return consumer.consume(l, &l.call(LinearizeAny::<R> { inputs, first, columns: D }));
     }
     if D == 9 || (R == 2 && inputs.model == Model::Snavely) {
         let model = SnavelyLanes;
-        return consumer.consume(l, &Linearize::<_, _, R> { inputs, first, model, place }.run(l));
+        return consumer
+            .consume(l, &Linearize::<_, _, R> { inputs, first, model, point_index }.run(l));
     }
     let model = PinholeLanes;
-    consumer.consume(l, &Linearize::<_, _, R> { inputs, first, model, place }.run(l));
+    consumer.consume(l, &Linearize::<_, _, R> { inputs, first, model, point_index }.run(l));
 }
 
 /// The Jacobians of eight observations by one camera model.
@@ -353,7 +354,7 @@ struct Linearize<'a, M, P, const R: usize> {
     inputs: &'a Inputs<'a>,
     first: usize,
     model: M,
-    place: P,
+    point_index: P,
 }
 
 impl<L: Lanes, M: LaneModel, P: PointIndex, const R: usize> Subroutine<L>
@@ -363,8 +364,8 @@ impl<L: Lanes, M: LaneModel, P: PointIndex, const R: usize> Subroutine<L>
 
     #[inline(always)]
     fn run(self, l: L) -> Linearized<L, R> {
-        let Self { inputs, first, model, place } = self;
-        let seen = look::<L, M>(l, inputs, place, first);
+        let Self { inputs, first, model, point_index } = self;
+        let seen = look::<L, M>(l, inputs, point_index, first);
         let projection = model.project(l, seen.points(inputs.cameras));
         let residual = whitened::<L, R>(l, inputs, first, &projection.pixel, seen.point[2]);
         let weight = l.load(eight(&inputs.sorted.weights, first));
@@ -438,13 +439,15 @@ pub(super) fn by_model<L: Lanes, P: PointIndex, const R: usize>(
     l: L,
     inputs: &Inputs<'_>,
     first: usize,
-    place: P,
+    point_index: P,
 ) -> Linearized<L, R> {
     match inputs.model {
-        Model::Snavely if R == 2 => Linearize { inputs, first, model: SnavelyLanes, place }.run(l),
-        Model::Pinhole => Linearize { inputs, first, model: PinholeLanes, place }.run(l),
+        Model::Snavely if R == 2 => {
+            Linearize { inputs, first, model: SnavelyLanes, point_index }.run(l)
+        }
+        Model::Pinhole => Linearize { inputs, first, model: PinholeLanes, point_index }.run(l),
         Model::Snavely | Model::Any => {
-            Linearize { inputs, first, model: inputs.any(), place }.run(l)
+            Linearize { inputs, first, model: inputs.any(), point_index }.run(l)
         }
     }
 }

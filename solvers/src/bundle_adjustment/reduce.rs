@@ -209,8 +209,8 @@ fn add_source<const D: usize, const V: usize, const T: usize, const R: usize>(
     for c in 0..source.columns as usize {
         for r in 0..source.rows as usize {
             let value = block.get(first_row + r, first_column + c);
-            let place = if source.transposed { r * stride + c } else { c * stride + r };
-            target[place] += value;
+            let index = if source.transposed { r * stride + c } else { c * stride + r };
+            target[index] += value;
         }
     }
 }

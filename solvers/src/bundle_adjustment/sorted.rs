@@ -23,7 +23,7 @@ pub(super) const GROUPS: usize = 2;
 /// Most observations of a tile, unless one landmark has more.
 const TILE_OBSERVATIONS: usize = 96;
 
-/// Padding of the arrays, so that eight observations can be read from any place.
+/// Padding of the arrays, so that eight observations can be read from any index.
 const PADDING: usize = WIDTH;
 
 /// A run of landmarks that one task handles.
@@ -33,7 +33,7 @@ pub(super) struct Chunk {
     pub(super) landmarks: Range<usize>,
     pub(super) observations: Range<usize>,
     pub(super) tiles: Range<usize>,
-    /// The views that it meets; their numbers within the chunk are the places here.
+    /// The views that it meets; their numbers within the chunk are the indices here.
     pub(super) views: Vec<u32>,
 }
 
@@ -149,7 +149,7 @@ impl Sorted {
         self.starts = Vec::with_capacity(self.order.len() + 1);
         let mut start = 0;
         self.starts.push(0);
-        // From here on `first_view` is the place of the landmark's next observation.
+        // From here on `first_view` is the index of the landmark's next observation.
         for (&l, &constant) in self.order.iter().zip(&self.constant) {
             let length = lengths[l as usize];
             first_view[l as usize] = start;
@@ -162,9 +162,9 @@ impl Sorted {
         }
         let mut sources = vec![0; view_of.len()];
         for (k, l) in landmarks().enumerate() {
-            let place = &mut first_view[l];
-            sources[*place as usize] = k as u32;
-            *place += 1;
+            let next = &mut first_view[l];
+            sources[*next as usize] = k as u32;
+            *next += 1;
         }
         sources
     }
@@ -338,7 +338,7 @@ pub(super) fn split<T>(
     pieces
 }
 
-/// The places of keys below `limit`, in stable order of the keys.
+/// The indices of keys below `limit`, in stable order of the keys.
 fn counting_sort(keys: &[u32], limit: usize) -> Vec<u32> {
     let mut next = vec![0_u32; limit + 1];
     for &key in keys {

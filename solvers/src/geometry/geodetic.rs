@@ -13,7 +13,7 @@ const SEMI_MAJOR_M: f64 = 6_378_137.0;
 /// 1 / 298.257223563.
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
 
-/// A place on or above the ellipsoid of WGS 84.
+/// A point on or above the ellipsoid of WGS 84.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Geodetic {
     /// Latitude in degrees, north positive, −90 to 90.
@@ -71,10 +71,10 @@ impl LocalFrame {
         }
     }
 
-    /// A place in this frame, in meters.
+    /// A point in this frame, in meters.
     #[must_use]
-    pub fn point_in_local(&self, place: &Geodetic) -> Vector3<f64> {
-        self.local_from_earth * (place.point_in_earth() - self.anchor_in_earth)
+    pub fn point_in_local(&self, point: &Geodetic) -> Vector3<f64> {
+        self.local_from_earth * (point.point_in_earth() - self.anchor_in_earth)
     }
 }
 
@@ -106,13 +106,13 @@ mod tests {
 
     #[test]
     fn the_axes_of_the_ellipsoid_are_those_of_wgs_84() {
-        let place =
+        let geodetic =
             |latitude_deg, longitude_deg| Geodetic { latitude_deg, longitude_deg, height_m: 0.0 };
         let near = |a: Vector3<f64>, b: Vector3<f64>| (a - b).amax() < 1e-6;
-        assert!(near(place(0.0, 0.0).point_in_earth(), Vector3::new(6_378_137.0, 0.0, 0.0)));
-        assert!(near(place(0.0, 90.0).point_in_earth(), Vector3::new(0.0, 6_378_137.0, 0.0)));
+        assert!(near(geodetic(0.0, 0.0).point_in_earth(), Vector3::new(6_378_137.0, 0.0, 0.0)));
+        assert!(near(geodetic(0.0, 90.0).point_in_earth(), Vector3::new(0.0, 6_378_137.0, 0.0)));
         let pole = Vector3::new(0.0, 0.0, 6_356_752.314_245_179);
-        assert!(near(place(90.0, 17.0).point_in_earth(), pole));
+        assert!(near(geodetic(90.0, 17.0).point_in_earth(), pole));
     }
 
     #[test]

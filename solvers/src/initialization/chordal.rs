@@ -92,7 +92,7 @@ pub fn chordal<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     if rows.poses.is_empty() {
         return Ok(());
     }
-    let pairs = graph.places_of_edges(&rows.of).filter_map(|(i, j)| i.zip(j));
+    let pairs = graph.free_indices_of_edges(&rows.of).filter_map(|(i, j)| i.zip(j));
     let pattern = Arc::new(BlockPattern::new(vec![D; rows.poses.len()], pairs));
     let linear = linear_bytes(graph, &pattern);
     let system = Linear::<D>::new(Arc::clone(&pattern), &rows.poses, limits.less(linear));

@@ -73,8 +73,8 @@ impl BalFile {
         ] {
             let (count, possible) = (u64::from(count), (room / bytes) as u64);
             if count > possible {
-                let (place, field) = (text.place(), field.to_owned());
-                return Err(IoError::CountTooLarge { place, field, count, possible });
+                let (location, field) = (text.location(), field.to_owned());
+                return Err(IoError::CountTooLarge { location, field, count, possible });
             }
             room -= count as usize * bytes;
         }
@@ -190,7 +190,7 @@ fn index(text: &mut Text<'_>, kind: &str, k: u32, count: u32) -> Result<u32, IoE
         return Ok(value);
     }
     Err(IoError::OutOfRange {
-        place: text.place(),
+        location: text.location(),
         field: format!("observation {k} {kind}"),
         value: value.into(),
         count: count.into(),

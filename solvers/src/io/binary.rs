@@ -6,7 +6,7 @@ use std::fmt::Display;
 use std::path::Path;
 
 use super::error::excerpt;
-use super::{IoError, Place};
+use super::{IoError, Location};
 
 /// A binary file's bytes and how far they are read.
 pub(super) struct Binary<'a> {
@@ -22,8 +22,8 @@ impl<'a> Binary<'a> {
     }
 
     /// The byte that is read next.
-    pub(super) fn place(&self) -> Place {
-        Place::byte(self.path, self.offset)
+    pub(super) fn location(&self) -> Location {
+        Location::byte(self.path, self.offset)
     }
 
     fn array<const N: usize>(&mut self, field: impl Display) -> Result<[u8; N], IoError> {
@@ -32,7 +32,7 @@ impl<'a> Binary<'a> {
                 self.offset += N;
                 Ok(*chunk)
             }
-            None => Err(IoError::Truncated { place: self.place(), field: field.to_string() }),
+            None => Err(IoError::Truncated { location: self.location(), field: field.to_string() }),
         }
     }
 
@@ -53,13 +53,13 @@ impl<'a> Binary<'a> {
 
     /// A finite 64-bit number.
     pub(super) fn f64(&mut self, field: impl Display) -> Result<f64, IoError> {
-        let place = self.offset;
+        let location = self.offset;
         let value = f64::from_le_bytes(self.array(&field)?);
         if value.is_finite() {
             Ok(value)
         } else {
-            let place = Place::byte(self.path, place);
-            Err(IoError::NotFinite { place, field: field.to_string() })
+            let location = Location::byte(self.path, location);
+            Err(IoError::NotFinite { location, field: field.to_string() })
         }
     }
 
@@ -78,14 +78,14 @@ impl<'a> Binary<'a> {
         field: impl Display,
         record_bytes: usize,
     ) -> Result<usize, IoError> {
-        let place = self.place();
+        let location = self.location();
         let count = self.u64(&field)?;
         let possible = (self.bytes.len() - self.offset) / record_bytes;
         match usize::try_from(count) {
             Ok(count) if count <= possible => Ok(count),
             _ => {
                 let (field, possible) = (field.to_string(), possible as u64);
-                Err(IoError::CountTooLarge { place, field, count, possible })
+                Err(IoError::CountTooLarge { location, field, count, possible })
             }
         }
     }
@@ -94,11 +94,11 @@ impl<'a> Binary<'a> {
     pub(super) fn c_string(&mut self, field: impl Display) -> Result<&'a str, IoError> {
         let rest = &self.bytes[self.offset..];
         let Some(length) = rest.iter().position(|&c| c == 0) else {
-            return Err(IoError::Truncated { place: self.place(), field: field.to_string() });
+            return Err(IoError::Truncated { location: self.location(), field: field.to_string() });
         };
         let Ok(text) = std::str::from_utf8(&rest[..length]) else {
-            let (place, found) = (self.place(), excerpt(&rest[..length]));
-            return Err(IoError::Malformed { place, field: field.to_string(), found });
+            let (location, found) = (self.location(), excerpt(&rest[..length]));
+            return Err(IoError::Malformed { location, field: field.to_string(), found });
         };
         self.offset += length + 1;
         Ok(text)
@@ -111,7 +111,7 @@ impl<'a> Binary<'a> {
             Ok(())
         } else {
             let found = format!("{} bytes", rest.len());
-            Err(IoError::Trailing { place: self.place(), found })
+            Err(IoError::Trailing { location: self.location(), found })
         }
     }
 }

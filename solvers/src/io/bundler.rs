@@ -31,7 +31,7 @@ pub struct BundlerCamera {
     pub translation: [f64; 3],
 }
 
-/// A point's place in an image.
+/// A point in an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BundlerView {
     /// Number of the camera.
@@ -100,8 +100,8 @@ impl BundlerCamera {
             let [a, b, c] = self.rotation[i];
             [a, b, c, self.translation[i]]
         };
-        let place = || super::Place::record(Path::new("camera"), camera as u64);
-        let file_camera_from_world = pose_matrix::rigid([row(0), row(1), row(2)], place)?;
+        let location = || super::Location::record(Path::new("camera"), camera as u64);
+        let file_camera_from_world = pose_matrix::rigid([row(0), row(1), row(2)], location)?;
         Ok(down_z::world_from_camera(&file_camera_from_world))
     }
 }
@@ -211,8 +211,8 @@ fn names(bytes: &[u8], path: &Path) -> Result<Vec<String>, IoError> {
         let name = line.word().unwrap_or_default();
         let Ok(name) = std::str::from_utf8(name) else {
             let found = super::error::excerpt(name);
-            let (place, field) = (line.place(), "image name".to_owned());
-            return Err(IoError::Malformed { place, field, found });
+            let (location, field) = (line.location(), "image name".to_owned());
+            return Err(IoError::Malformed { location, field, found });
         };
         names.push(name.to_owned());
     }
@@ -225,8 +225,8 @@ fn put_row(text: &mut TextWriter, [a, b, c]: &[f64; 3]) {
 
 /// The next line with something on it.
 fn record<'a>(text: &mut Text<'a>, field: &str) -> Result<Line<'a>, IoError> {
-    let place = text.place();
-    text.record().ok_or_else(|| IoError::Truncated { place, field: field.to_owned() })
+    let location = text.location();
+    text.record().ok_or_else(|| IoError::Truncated { location, field: field.to_owned() })
 }
 
 /// A count that is at most `possible`.
@@ -235,19 +235,19 @@ fn count(line: &mut Line<'_>, field: &str, possible: usize) -> Result<usize, IoE
     if count as usize <= possible {
         return Ok(count as usize);
     }
-    let (place, field, possible) = (line.place(), field.to_owned(), possible as u64);
-    Err(IoError::CountTooLarge { place, field, count: count.into(), possible })
+    let (location, field, possible) = (line.location(), field.to_owned(), possible as u64);
+    Err(IoError::CountTooLarge { location, field, count: count.into(), possible })
 }
 
 fn parse_camera(text: &mut Text<'_>, k: usize) -> Result<BundlerCamera, IoError> {
     let mut rows = [[0.0; 3]; 5];
-    let mut place = text.place();
+    let mut location = text.location();
     let fields =
         ["focal length, k1, k2", "rotation row 0", "rotation row 1", "rotation row 2", "t"];
     for (row, field) in rows.iter_mut().zip(fields) {
         let mut line = record(text, field)?;
         if field == "rotation row 0" {
-            place = line.place();
+            location = line.location();
         }
         *row = line.numbers(field)?;
         line.end()?;
@@ -256,7 +256,7 @@ fn parse_camera(text: &mut Text<'_>, k: usize) -> Result<BundlerCamera, IoError>
     let camera = BundlerCamera { intrinsics, rotation: [r0, r1, r2], translation };
     match camera.world_from_camera(k) {
         Err(IoError::NotRigid { deviation, .. }) if camera.is_placed() => {
-            Err(IoError::NotRigid { place, deviation })
+            Err(IoError::NotRigid { location, deviation })
         }
         Ok(_) | Err(_) => Ok(camera),
     }
@@ -276,8 +276,8 @@ fn parse_point(text: &mut Text<'_>, cameras: &[BundlerCamera]) -> Result<Bundler
     for _ in 0..view_count {
         let camera: u32 = line.integer("camera of a view")?;
         if !cameras.get(camera as usize).is_some_and(BundlerCamera::is_placed) {
-            let (place, id) = (line.place(), camera.into());
-            return Err(IoError::UnknownId { place, field: "reconstructed camera", id });
+            let (location, id) = (line.location(), camera.into());
+            return Err(IoError::UnknownId { location, field: "reconstructed camera", id });
         }
         let key = line.integer("key of a view")?;
         let [x, y] = line.numbers("view")?;

@@ -1,6 +1,6 @@
-//! Why a file could not be read or written, with the place and the field.
+//! Why a file could not be read or written, with the location and the field.
 //!
-//! A text file's place is its line from 1, a binary file's its byte from 0. Data that did not come
+//! A text file's location is its line from 1, a binary file's its byte from 0. Data that did not come
 //! from bytes (a struct that the caller filled) is named by the number of its record. Every variant
 //! carries data; none is a bare message.
 
@@ -30,14 +30,14 @@ impl fmt::Display for At {
 
 /// A file and a position in it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// The file, or the name that the caller gave to the bytes.
     pub path: PathBuf,
     /// Where in it.
     pub at: At,
 }
 
-impl Place {
+impl Location {
     /// A line of a text file, from 1.
     pub(crate) fn line(path: &Path, line: u64) -> Self {
         Self { path: path.to_owned(), at: At::Line(line) }
@@ -54,7 +54,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, {}", self.path.display(), self.at)
     }
@@ -97,52 +97,52 @@ pub enum IoError {
         what: &'static str,
     },
     /// The line, or the file, ends before a field.
-    #[error("{place}: {field} is missing (truncated?)")]
+    #[error("{location}: {field} is missing (truncated?)")]
     Truncated {
         /// Where the data end.
-        place: Place,
+        location: Location,
         /// The field that should follow.
         field: String,
     },
     /// A field does not have the form it must have.
-    #[error("{place}: {field} cannot be `{found}`")]
+    #[error("{location}: {field} cannot be `{found}`")]
     Malformed {
         /// Where.
-        place: Place,
+        location: Location,
         /// The field.
         field: String,
         /// The start of what stands there.
         found: String,
     },
     /// A number is NaN, infinite or too large for 64 bits.
-    #[error("{place}: {field} is not finite")]
+    #[error("{location}: {field} is not finite")]
     NotFinite {
         /// Where.
-        place: Place,
+        location: Location,
         /// The field.
         field: String,
     },
     /// Something follows where the record or the file must end.
-    #[error("{place}: `{found}` follows where nothing more belongs")]
+    #[error("{location}: `{found}` follows where nothing more belongs")]
     Trailing {
         /// Where.
-        place: Place,
+        location: Location,
         /// The start of what follows.
         found: String,
     },
     /// The first word of a line is not a tag that covis reads.
-    #[error("{place}: unknown tag `{tag}`")]
+    #[error("{location}: unknown tag `{tag}`")]
     UnknownTag {
         /// Where.
-        place: Place,
+        location: Location,
         /// The tag.
         tag: String,
     },
     /// A header announces more records than the rest of the file could hold.
-    #[error("{place}: {field} says {count}, the file has room for at most {possible}")]
+    #[error("{location}: {field} says {count}, the file has room for at most {possible}")]
     CountTooLarge {
         /// Where.
-        place: Place,
+        location: Location,
         /// The count's name.
         field: String,
         /// The announced count.
@@ -151,10 +151,10 @@ pub enum IoError {
         possible: u64,
     },
     /// An index is not below its count.
-    #[error("{place}: {field} is {value}, there are {count}")]
+    #[error("{location}: {field} is {value}, there are {count}")]
     OutOfRange {
         /// Where.
-        place: Place,
+        location: Location,
         /// The index's name.
         field: String,
         /// Its value.
@@ -163,48 +163,48 @@ pub enum IoError {
         count: u64,
     },
     /// Two records share an id.
-    #[error("{place}: {field} {id} stands twice")]
+    #[error("{location}: {field} {id} stands twice")]
     DuplicateId {
         /// Where the second one stands.
-        place: Place,
+        location: Location,
         /// The kind of record.
         field: &'static str,
         /// The id.
         id: i64,
     },
     /// A record names another that the file does not hold.
-    #[error("{place}: {field} {id} does not exist")]
+    #[error("{location}: {field} {id} does not exist")]
     UnknownId {
         /// Where.
-        place: Place,
+        location: Location,
         /// The kind of record that is missing.
         field: &'static str,
         /// The id.
         id: i64,
     },
     /// An edge ties a vertex to itself.
-    #[error("{place}: the edge ties vertex {id} to itself")]
+    #[error("{location}: the edge ties vertex {id} to itself")]
     SelfEdge {
         /// Where.
-        place: Place,
+        location: Location,
         /// The vertex.
         id: i64,
     },
     /// A quaternion's norm is zero or differs from 1 by more than 1e-3.
-    #[error("{place}: the quaternion has norm {norm}, 1 is needed")]
+    #[error("{location}: the quaternion has norm {norm}, 1 is needed")]
     BadQuaternion {
         /// Where.
-        place: Place,
+        location: Location,
         /// Its norm.
         norm: f64,
     },
     /// A matrix is no rigid motion.
     #[error(
-        "{place}: the matrix is no rigid motion, an element is off by {deviation:.3e} or it mirrors"
+        "{location}: the matrix is no rigid motion, an element is off by {deviation:.3e} or it mirrors"
     )]
     NotRigid {
         /// Where it begins.
-        place: Place,
+        location: Location,
         /// Largest deviation of RᵀR from the identity and of the last row from (0, 0, 0, 1).
         deviation: f64,
     },
@@ -214,8 +214,8 @@ pub enum IoError {
          is {smallest_eigenvalue:.3e} ({count} such in the file)"
     )]
     IndefiniteInformation {
-        /// The first one's place.
-        first: Place,
+        /// The first one's location.
+        first: Location,
         /// Its vertex i.
         i: i64,
         /// Its vertex j.
@@ -226,10 +226,10 @@ pub enum IoError {
         count: usize,
     },
     /// A file mixes 2D and 3D records.
-    #[error("{place}: `{found}` in a file of {kind} records")]
+    #[error("{location}: `{found}` in a file of {kind} records")]
     MixedKinds {
         /// Where.
-        place: Place,
+        location: Location,
         /// The kind of the records before it.
         kind: &'static str,
         /// The tag that does not fit.

@@ -25,5 +25,5 @@ pub mod sparse_model;
 mod text;
 pub mod trajectory;
 
-pub use error::{At, IoError, Place};
+pub use error::{At, IoError, Location};
 pub use natural_order::natural_cmp;

@@ -8,7 +8,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 
 use super::text::Text;
-use super::{IoError, Place, files};
+use super::{IoError, Location, files};
 use crate::geometry::{Se3, So3};
 
 /// How far an element of RᵀR, and of the last row, may be from what a rigid motion has.
@@ -29,7 +29,7 @@ pub fn read(path: &Path) -> Result<Option<Se3>, IoError> {
 /// [`IoError::NotRigid`].
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Option<Se3>, IoError> {
     let mut text = Text::new(bytes, path);
-    let place = text.place();
+    let location = text.location();
     let mut elements = [[0.0; 4]; 4];
     let mut is_known = true;
     for (i, row) in elements.iter_mut().enumerate() {
@@ -46,13 +46,13 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Option<Se3>, IoError> {
         return Ok(None);
     }
     let [first, second, third, last] = elements;
-    let pose = rigid([first, second, third], || place.clone())?;
+    let pose = rigid([first, second, third], || location.clone())?;
     let deviation = last.iter().zip([0.0, 0.0, 0.0, 1.0]);
     let deviation = deviation.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     if deviation <= TOLERANCE {
         Ok(Some(pose))
     } else {
-        Err(IoError::NotRigid { place, deviation })
+        Err(IoError::NotRigid { location, deviation })
     }
 }
 
@@ -60,12 +60,15 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Option<Se3>, IoError> {
 ///
 /// # Errors
 /// [`IoError::NotRigid`].
-pub(super) fn rigid(rows: [[f64; 4]; 3], place: impl FnOnce() -> Place) -> Result<Se3, IoError> {
+pub(super) fn rigid(
+    rows: [[f64; 4]; 3],
+    location: impl FnOnce() -> Location,
+) -> Result<Se3, IoError> {
     let rotation = Matrix3::from_fn(|i, j| rows[i][j]);
     let deviation = (rotation.tr_mul(&rotation) - Matrix3::identity()).amax();
     // An overflow is no rigid motion either.
     if !(deviation <= TOLERANCE && rotation.determinant() > 0.0) {
-        return Err(IoError::NotRigid { place: place(), deviation });
+        return Err(IoError::NotRigid { location: location(), deviation });
     }
     let translation = Vector3::from_fn(|i, _| rows[i][3]);
     Ok(Se3::new(So3::from_matrix(&rotation), translation))

@@ -3,7 +3,7 @@
 //! A norm within 1e-3 of 1 is rounding of a printed file and is normalized away; any other norm is
 //! refused, since it means that columns are mixed up or the data are broken.
 
-use super::{IoError, Place};
+use super::{IoError, Location};
 use crate::geometry::So3;
 
 /// How far a quaternion's norm may be from 1.
@@ -12,22 +12,25 @@ pub(super) const NORM_TOLERANCE: f64 = 1e-3;
 /// Checks the norm of a quaternion in any component order.
 pub(super) fn check_norm(
     quaternion: &[f64; 4],
-    place: impl FnOnce() -> Place,
+    location: impl FnOnce() -> Location,
 ) -> Result<(), IoError> {
     let norm = quaternion.iter().map(|c| c * c).sum::<f64>().sqrt();
     if (norm - 1.0).abs() <= NORM_TOLERANCE {
         Ok(())
     } else {
-        Err(IoError::BadQuaternion { place: place(), norm })
+        Err(IoError::BadQuaternion { location: location(), norm })
     }
 }
 
 /// The rotation of a quaternion (x, y, z, w).
-pub(super) fn from_xyzw(quaternion: &[f64; 4], place: impl Fn() -> Place) -> Result<So3, IoError> {
-    check_norm(quaternion, &place)?;
+pub(super) fn from_xyzw(
+    quaternion: &[f64; 4],
+    location: impl Fn() -> Location,
+) -> Result<So3, IoError> {
+    check_norm(quaternion, &location)?;
     let [x, y, z, w] = *quaternion;
     So3::from_quaternion_xyzw(x, y, z, w)
-        .ok_or_else(|| IoError::BadQuaternion { place: place(), norm: f64::NAN })
+        .ok_or_else(|| IoError::BadQuaternion { location: location(), norm: f64::NAN })
 }
 
 /// The quaternion (x, y, z, w) of a rotation.

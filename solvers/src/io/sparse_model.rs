@@ -69,7 +69,7 @@ impl SparseModel {
             for view in &point.views {
                 let Some(&Some(pose)) = pose_of.get(view.camera as usize) else {
                     return Err(IoError::OutOfRange {
-                        place: super::Place::record("point".as_ref(), k as u64),
+                        location: super::Location::record("point".as_ref(), k as u64),
                         field: "camera of a view".to_owned(),
                         value: view.camera.into(),
                         count: file.cameras.len() as u64,

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::str::FromStr;
 
 use super::error::excerpt;
-use super::{IoError, Place};
+use super::{IoError, Location};
 
 /// A text file's bytes and how far they are read.
 pub(super) struct Text<'a> {
@@ -31,8 +31,8 @@ impl<'a> Text<'a> {
     }
 
     /// The line that is read next.
-    pub(super) fn place(&self) -> Place {
-        Place::line(self.path, self.line)
+    pub(super) fn location(&self) -> Location {
+        Location::line(self.path, self.line)
     }
 
     /// The next word on this or a later line.
@@ -54,20 +54,22 @@ impl<'a> Text<'a> {
     /// The next word as a finite number.
     pub(super) fn number(&mut self, field: impl Display) -> Result<f64, IoError> {
         let word = self.word();
-        number(word, &field, || self.place())
+        number(word, &field, || self.location())
     }
 
     /// The next word as an integer.
     pub(super) fn integer<T: FromStr>(&mut self, field: impl Display) -> Result<T, IoError> {
         let word = self.word();
-        integer(word, &field, || self.place())
+        integer(word, &field, || self.location())
     }
 
     /// Refuses anything but white space up to the end of the file.
     pub(super) fn end(&mut self) -> Result<(), IoError> {
         match self.word() {
             None => Ok(()),
-            Some(word) => Err(IoError::Trailing { place: self.place(), found: excerpt(word) }),
+            Some(word) => {
+                Err(IoError::Trailing { location: self.location(), found: excerpt(word) })
+            }
         }
     }
 
@@ -111,9 +113,9 @@ pub(super) struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// The line's place.
-    pub(super) fn place(&self) -> Place {
-        Place::line(self.path, self.number)
+    /// The line's location.
+    pub(super) fn location(&self) -> Location {
+        Location::line(self.path, self.number)
     }
 
     /// The line's number, from 1.
@@ -161,7 +163,7 @@ impl<'a> Line<'a> {
     /// The next word as a finite number.
     pub(super) fn number(&mut self, field: impl Display) -> Result<f64, IoError> {
         let word = self.word();
-        number(word, &field, || self.place())
+        number(word, &field, || self.location())
     }
 
     /// The next `N` words as finite numbers.
@@ -176,14 +178,16 @@ impl<'a> Line<'a> {
     /// The next word as an integer.
     pub(super) fn integer<T: FromStr>(&mut self, field: impl Display) -> Result<T, IoError> {
         let word = self.word();
-        integer(word, &field, || self.place())
+        integer(word, &field, || self.location())
     }
 
     /// Refuses anything but white space up to the end of the line.
     pub(super) fn end(mut self) -> Result<(), IoError> {
         match self.word() {
             None => Ok(()),
-            Some(word) => Err(IoError::Trailing { place: self.place(), found: excerpt(word) }),
+            Some(word) => {
+                Err(IoError::Trailing { location: self.location(), found: excerpt(word) })
+            }
         }
     }
 }
@@ -197,27 +201,27 @@ fn cut_word(bytes: &[u8]) -> &[u8] {
 fn number(
     word: Option<&[u8]>,
     field: &dyn Display,
-    place: impl Fn() -> Place,
+    location: impl Fn() -> Location,
 ) -> Result<f64, IoError> {
-    let value: f64 = integer(word, field, &place)?;
+    let value: f64 = integer(word, field, &location)?;
     if value.is_finite() {
         Ok(value)
     } else {
-        Err(IoError::NotFinite { place: place(), field: field.to_string() })
+        Err(IoError::NotFinite { location: location(), field: field.to_string() })
     }
 }
 
 fn integer<T: FromStr>(
     word: Option<&[u8]>,
     field: &dyn Display,
-    place: impl Fn() -> Place,
+    location: impl Fn() -> Location,
 ) -> Result<T, IoError> {
     let Some(word) = word else {
-        return Err(IoError::Truncated { place: place(), field: field.to_string() });
+        return Err(IoError::Truncated { location: location(), field: field.to_string() });
     };
     let parsed = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
     parsed.ok_or_else(|| IoError::Malformed {
-        place: place(),
+        location: location(),
         field: field.to_string(),
         found: excerpt(word),
     })

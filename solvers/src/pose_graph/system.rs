@@ -84,14 +84,14 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
     ) -> Result<Self, SolveError> {
         check_start(graph)?;
         let (poses, row_of) = graph.free_poses_of_solve();
-        let pairs = graph.places_of_edges(&row_of).filter_map(|(i, j)| i.zip(j));
+        let pairs = graph.free_indices_of_edges(&row_of).filter_map(|(i, j)| i.zip(j));
         let pattern = Arc::new(BlockPattern::new(vec![N; poses.len()], pairs));
         let linear = linear_bytes(graph, &pattern);
         let scalars = pattern.dimension();
         let Limits { ceiling, interrupt } = limits.less(linear);
         let factor = Cholesky::within(Arc::clone(&pattern), ceiling, interrupt)
             .map_err(|error| from_linear(error, scalars).beside(linear))?;
-        let incidences = Incidences::new(&pattern, graph.places_of_edges(&row_of));
+        let incidences = Incidences::new(&pattern, graph.free_indices_of_edges(&row_of));
         let norm_squared: f64 = graph.poses.iter().map(|pose| pose.log().norm_squared()).sum();
         Ok(Self {
             backup: graph.poses.clone(),

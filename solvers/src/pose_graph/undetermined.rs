@@ -77,7 +77,7 @@ pub(super) fn hessian<G: LieGroup<N>, const N: usize>(
     row_of: &[Option<usize>],
     rows: usize,
 ) -> BlockMatrix {
-    let rows_of_edges = graph.places_of_edges(row_of);
+    let rows_of_edges = graph.free_indices_of_edges(row_of);
     let pairs = rows_of_edges.clone().filter_map(|(i, j)| i.zip(j));
     let pattern = Arc::new(BlockPattern::new(vec![N; rows], pairs));
     let incidences = Incidences::new(&pattern, rows_of_edges);

@@ -133,7 +133,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         if constant.is_empty() { self.lowest_id().into_iter().collect() } else { constant }
     }
 
-    /// The poses that [`Self::held`] leaves free, and the place of each pose among them.
+    /// The poses that [`Self::held`] leaves free, and the index of each pose among them.
     pub(crate) fn free_poses(&self) -> (Vec<usize>, Vec<Option<usize>>) {
         self.others(&self.held())
     }
@@ -144,23 +144,23 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         if self.has_priors() && !has_constant { self.others(&[]) } else { self.free_poses() }
     }
 
-    /// The poses that are not in `held`, which rises, and the place of each pose among them.
+    /// The poses that are not in `held`, which rises, and the index of each pose among them.
     fn others(&self, held: &[usize]) -> (Vec<usize>, Vec<Option<usize>>) {
         let is_free = |pose: &usize| held.binary_search(pose).is_err();
         let poses: Vec<usize> = (0..self.poses.len()).filter(is_free).collect();
-        let mut place_of = vec![None; self.poses.len()];
-        for (place, &pose) in poses.iter().enumerate() {
-            place_of[pose] = Some(place);
+        let mut index_of = vec![None; self.poses.len()];
+        for (index, &pose) in poses.iter().enumerate() {
+            index_of[pose] = Some(index);
         }
-        (poses, place_of)
+        (poses, index_of)
     }
 
-    /// The places of both poses of each edge.
-    pub(crate) fn places_of_edges<'a>(
+    /// The indices among the free poses of both poses of each edge.
+    pub(crate) fn free_indices_of_edges<'a>(
         &'a self,
-        place_of: &'a [Option<usize>],
+        index_of: &'a [Option<usize>],
     ) -> impl Iterator<Item = (Option<usize>, Option<usize>)> + Clone + 'a {
-        self.edges.iter().map(|edge| (place_of[edge.i], place_of[edge.j]))
+        self.edges.iter().map(|edge| (index_of[edge.i], index_of[edge.j]))
     }
 
     /// Checks that lengths and indices agree, ids are unique, every number is finite and the graph

@@ -179,14 +179,14 @@ mod tests {
                 noise(&steps, poses).into_iter().map(of).sum()
             };
             let least = chi2(poses);
-            for place in [0, 100, 150, 298] {
+            for pose in [0, 100, 150, 298] {
                 for axis in 0..6 {
                     for sign in [-1.0, 1.0] {
                         let mut other = poses.clone();
                         let mut tangent = Vector6::zeros();
                         tangent[axis] = sign * sigmas[axis];
-                        other[place] = other[place].plus(&tangent);
-                        assert!(chi2(&other) > least, "{seed} {place} {axis}");
+                        other[pose] = other[pose].plus(&tangent);
+                        assert!(chi2(&other) > least, "{seed} {pose} {axis}");
                     }
                 }
             }

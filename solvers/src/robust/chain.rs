@@ -129,8 +129,8 @@ impl<'a, G: LieGroup<N>, const N: usize> Chain<'a, G, N> {
     }
 
     fn reached(&self, id: i64) -> Option<&Reached<G, N>> {
-        let place = self.reached.binary_search_by_key(&id, |entry| entry.0).ok()?;
-        Some(&self.reached[place].1)
+        let index = self.reached.binary_search_by_key(&id, |entry| entry.0).ok()?;
+        Some(&self.reached[index].1)
     }
 
     /// The odometry from one id to another, step by step; `None` where a step is missing.
@@ -140,8 +140,8 @@ impl<'a, G: LieGroup<N>, const N: usize> Chain<'a, G, N> {
         }
         let mut walked = Measured::exact();
         for id in from..to {
-            let place = self.links.binary_search_by_key(&id, |link| link.from).ok()?;
-            walked = walked.compose(&self.step(&self.links[place])?);
+            let index = self.links.binary_search_by_key(&id, |link| link.from).ok()?;
+            walked = walked.compose(&self.step(&self.links[index])?);
         }
         Some(walked)
     }

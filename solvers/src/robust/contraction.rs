@@ -122,8 +122,8 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
     }
     let rows = rows(graph, &edges_of, &mut passing);
     let kept: Vec<usize> = (0..graph.poses.len()).filter(|&pose| !passing[pose]).collect();
-    let mut place = vec![usize::MAX; graph.poses.len()];
-    kept.iter().enumerate().for_each(|(at, &pose)| place[pose] = at);
+    let mut reduced_index = vec![usize::MAX; graph.poses.len()];
+    kept.iter().enumerate().for_each(|(at, &pose)| reduced_index[pose] = at);
     let mut reduced = PoseGraph {
         ids: kept.iter().map(|&pose| graph.ids[pose]).collect(),
         poses: kept.iter().map(|&pose| graph.poses[pose]).collect(),
@@ -132,12 +132,12 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
         pose_priors: graph
             .pose_priors
             .iter()
-            .map(|p| PosePrior { pose: place[p.pose], ..*p })
+            .map(|p| PosePrior { pose: reduced_index[p.pose], ..*p })
             .collect(),
         position_priors: graph
             .position_priors
             .iter()
-            .map(|p| PositionPrior { pose: place[p.pose], ..*p })
+            .map(|p| PositionPrior { pose: reduced_index[p.pose], ..*p })
             .collect(),
         loss: graph.loss,
     };
@@ -155,7 +155,7 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
         edges.push(last.map(|_| reduced.edges.len()));
         let Some(last) = last else { continue };
         let information = Covariance::new(&way.covariance).ok()?.information().ok()?;
-        let (i, j, i_from_j) = (place[row.first], place[last], way.motion);
+        let (i, j, i_from_j) = (reduced_index[row.first], reduced_index[last], way.motion);
         reduced.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
     }
     let mut new_closures = Vec::new();
@@ -166,7 +166,11 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
         if is_closure(&at) {
             new_closures.push(reduced.edges.len());
         }
-        reduced.edges.push(RelativePose { i: place[edge.i], j: place[edge.j], ..*edge });
+        reduced.edges.push(RelativePose {
+            i: reduced_index[edge.i],
+            j: reduced_index[edge.j],
+            ..*edge
+        });
     }
     let is_whole = rows.iter().map(|(row, _)| row.between().len()).sum::<usize>() + kept.len();
     // A ring without a kept pose is met by none.

@@ -165,7 +165,7 @@ fn costs<G: LieGroup<N>, const N: usize>(
     Ok(priors.map(cost).collect())
 }
 
-/// The place of each position prior in the order of its pose's id, then of the priors.
+/// The rank of each position prior in the order of its pose's id, then of the priors.
 fn ranks<G, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<usize> {
     let mut order: Vec<usize> = (0..graph.position_priors.len()).collect();
     let id = |prior: usize| graph.ids[graph.position_priors[prior].pose];

@@ -61,8 +61,8 @@ pub(super) fn screen<G: LieGroup<N>, const N: usize>(
         list.push((k, closure));
     }
     list.sort_unstable_by_key(|(k, closure)| (closure.from, closure.to, *k));
-    for (place, (k, a)) in list.iter().enumerate() {
-        for (l, b) in &list[place + 1..] {
+    for (index, (k, a)) in list.iter().enumerate() {
+        for (l, b) in &list[index + 1..] {
             if b.from > a.from.saturating_add(REACH) {
                 break;
             }

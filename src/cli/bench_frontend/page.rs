@@ -48,7 +48,7 @@ pub(super) fn page(rows: &[Row]) -> Page {
         }
         for drawn in &row.drawn {
             page.section(&format!("{}, {}", row.name, drawn.run));
-            trajectory::places(&mut page, &drawn.truth, &drawn.errors, true);
+            trajectory::error_plan(&mut page, &drawn.truth, &drawn.errors, true);
         }
     }
     page

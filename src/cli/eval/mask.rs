@@ -217,8 +217,8 @@ fn from_index(index: &Path, folder: &Path) -> anyhow::Result<Vec<Listed>> {
         let listed = line.trim().split_once([' ', '\t']).and_then(|(time, path)| {
             Some(Listed { time_s: seconds(time)?, path: folder.join(path.trim()) })
         });
-        let place = || format!("{}, line {}: not `time path`", index.display(), number + 1);
-        masks.push(listed.with_context(place)?);
+        let location = || format!("{}, line {}: not `time path`", index.display(), number + 1);
+        masks.push(listed.with_context(location)?);
     }
     Ok(masks)
 }

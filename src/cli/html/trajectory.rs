@@ -8,7 +8,7 @@ use crate::report::{Labels, Line, Page, Plan, Table, histogram, lines, quantiles
 
 /// Where the errors are: the trajectory beside the truth. `is_absolute` says that they are of single
 /// poses, otherwise they are of motions and are shown along the truth.
-pub(in crate::cli) fn places(
+pub(in crate::cli) fn error_plan(
     page: &mut Page,
     truth: &Trajectory,
     errors: &[PoseError],
@@ -39,7 +39,7 @@ pub(in crate::cli) fn errors(
     is_absolute: bool,
 ) {
     page.section("Trajectory");
-    places(page, truth, errors, is_absolute);
+    error_plan(page, truth, errors, is_absolute);
     let lengths: Vec<f64> = errors.iter().map(|e| e.translation_m).collect();
     let angles: Vec<f64> = errors.iter().map(|e| e.angle_deg).collect();
 

@@ -96,8 +96,8 @@ impl Quantiles {
     fn of(mut seconds: Vec<f64>) -> Self {
         seconds.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| {
-            let place = (share * seconds.len().saturating_sub(1) as f64).round() as usize;
-            seconds.get(place).map(|seconds| (seconds * 1e6).round() / 1e3)
+            let index = (share * seconds.len().saturating_sub(1) as f64).round() as usize;
+            seconds.get(index).map(|seconds| (seconds * 1e6).round() / 1e3)
         };
         let [p50_ms, p99_ms, max_ms] = [0.5, 0.99, 1.0].map(at);
         Self { count: seconds.len(), p50_ms, p99_ms, max_ms }
@@ -237,13 +237,13 @@ fn message(id: usize, period_s: f64, view: &View) -> v1::Keyframe {
         .iter()
         .map(|s| {
             let ray = camera.unproject(&s.pixel).filter(|_| s.is_new);
-            let place = |ray| view.odom_from_camera.transform(&ray);
+            let in_odom = |ray| view.odom_from_camera.transform(&ray);
             Measured {
                 landmark: s.landmark as i64,
                 pixel: (s.pixel, Corridor::sigma_px()),
                 depth_m: Some((s.depth_m, s.sigma_depth_m)),
                 is_new: s.is_new,
-                point_in_world: ray.map(|ray| place(ray * (s.depth_m / ray.z))),
+                point_in_world: ray.map(|ray| in_odom(ray * (s.depth_m / ray.z))),
             }
         })
         .collect();

@@ -41,12 +41,12 @@ impl FinalMap {
     /// # Errors
     /// Those of the calls; a model that cannot be read.
     pub(super) async fn of(client: &Client, map: &str) -> anyhow::Result<Self> {
-        let places: BTreeMap<(String, i64), [f64; 3]> =
-            client.trajectory(map, None).await?.poses.into_iter().filter_map(place).collect();
+        let positions: BTreeMap<(String, i64), [f64; 3]> =
+            client.trajectory(map, None).await?.poses.into_iter().filter_map(position).collect();
         let constraints = client.constraints(map).await?.constraints;
         let closures = constraints.into_iter().filter_map(|message| match message.constraint? {
             Constraint::RelativePose(pose) if pose.kind() == v1::ConstraintKind::LoopClosure => {
-                closure(pose, &places)
+                closure(pose, &positions)
             }
             Constraint::RelativePose(_)
             | Constraint::PosePrior(_)
@@ -57,20 +57,21 @@ impl FinalMap {
     }
 }
 
-fn place(pose: v1::KeyframePose) -> Option<((String, i64), [f64; 3])> {
+fn position(pose: v1::KeyframePose) -> Option<((String, i64), [f64; 3])> {
     let (keyframe, position) = (pose.keyframe?, pose.world_from_camera?.translation?);
     Some(((keyframe.client_id, keyframe.id), [position.x, position.y, position.z]))
 }
 
 fn closure(
     pose: v1::RelativePoseConstraint,
-    places: &BTreeMap<(String, i64), [f64; 3]>,
+    positions: &BTreeMap<(String, i64), [f64; 3]>,
 ) -> Option<Closure> {
     let (i, j) = (pose.keyframe_i?, pose.keyframe_j?);
     let name = format!("{}/{} to {}/{}", i.client_id, i.id, j.client_id, j.id);
-    let place = |keyframe: v1::KeyframeRef| places.get(&(keyframe.client_id, keyframe.id)).copied();
+    let position =
+        |keyframe: v1::KeyframeRef| positions.get(&(keyframe.client_id, keyframe.id)).copied();
     let counts = pose.switched_off.is_none();
-    let link = place(i).zip(place(j)).map(|(from, to)| Link { from, to, counts });
+    let link = position(i).zip(position(j)).map(|(from, to)| Link { from, to, counts });
     Some(Closure { name, link, off: pose.switched_off })
 }
 
@@ -141,7 +142,7 @@ fn trajectory(page: &mut Page, report: &RunReport, map: Option<&FinalMap>) {
 fn closures(page: &mut Page, closures: &[Closure]) {
     page.section("Closures");
     if closures.is_empty() {
-        return page.note("The camera came back to no place that the server recognized.");
+        return page.note("The camera came back to no position that the server recognized.");
     }
     let row = |closure: &Closure| {
         let (verdict, chi2, weight) = match &closure.off {

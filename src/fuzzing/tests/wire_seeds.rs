@@ -30,7 +30,7 @@ fn pose(pose: &Se3) -> Option<v1::RigidTransform> {
 }
 
 /// Camera k of a row, looking along z.
-fn place(k: i64) -> Se3 {
+fn pose_of(k: i64) -> Se3 {
     Se3::exp(&(Vector6::new(0.2, 0.01, 0.0, 0.0, 0.02, 0.0) * k as f64))
 }
 
@@ -39,7 +39,7 @@ fn point(k: i64) -> Vector3<f64> {
 }
 
 fn pixel(seen_from: i64, k: i64) -> Option<v1::Vector2> {
-    let p = place(seen_from).inverse_transform(&point(k));
+    let p = pose_of(seen_from).inverse_transform(&point(k));
     Some(v1::Vector2 { x: 320.0 + 500.0 * p.x / p.z, y: 240.0 + 500.0 * p.y / p.z })
 }
 
@@ -86,8 +86,8 @@ fn keyframe(id: i64, landmarks: std::ops::Range<i64>, new: bool) -> v1::Keyframe
         id,
         capture_time: Some(prost_types::Timestamp { seconds: 100 + id, nanos: 5 }),
         sensor: Some(v1::keyframe::Sensor::CameraId(0)),
-        world_from_camera: pose(&place(id)),
-        odom_from_camera: if id == 1 { pose(&place(0)) } else { None },
+        world_from_camera: pose(&pose_of(id)),
+        odom_from_camera: if id == 1 { pose(&pose_of(0)) } else { None },
         observations: landmarks.clone().map(|k| observation(id, k)).collect(),
         landmarks: landmarks.filter(|_| new).map(|k| landmark(k, k % 4 != 3)).collect(),
         ..Default::default()
@@ -111,7 +111,7 @@ fn relative(id: i64, kind: v1::ConstraintKind) -> Item {
         id,
         keyframe_i: keyframe_ref(0),
         keyframe_j: keyframe_ref(1),
-        keyframe_i_from_keyframe_j: pose(&place(1)),
+        keyframe_i_from_keyframe_j: pose(&pose_of(1)),
         information: information6(),
         kind: kind.into(),
         ..Default::default()
@@ -140,7 +140,7 @@ pub(super) fn items() -> Named {
     let prior = v1::PosePrior {
         id: 8,
         keyframe: keyframe_ref(0),
-        world_from_camera: pose(&place(0)),
+        world_from_camera: pose(&pose_of(0)),
         information: information6(),
         ..Default::default()
     };
@@ -210,7 +210,7 @@ fn request(kind: u8, message: &impl prost::Message) -> Vec<u8> {
 fn bundle() -> v1::SolveBundleRequest {
     let poses = (0..3).map(|k| v1::BundlePose {
         camera_index: 0,
-        world_from_camera: pose(&place(k)),
+        world_from_camera: pose(&pose_of(k)),
         fixed: k == 0,
     });
     let points = (0..9).map(|k| {
@@ -245,13 +245,13 @@ fn bundle() -> v1::SolveBundleRequest {
 fn graph_se3() -> v1::PoseGraphSe3 {
     let vertices = (0..3).map(|id| v1::PoseGraphVertexSe3 {
         id,
-        world_from_vertex: pose(&place(id)),
+        world_from_vertex: pose(&pose_of(id)),
         fixed: id == 0,
     });
     let edges = [(0, 1), (1, 2), (2, 0)].map(|(vertex_i, vertex_j)| v1::PoseGraphEdgeSe3 {
         vertex_i,
         vertex_j,
-        vertex_i_from_vertex_j: pose(&place(1)),
+        vertex_i_from_vertex_j: pose(&pose_of(1)),
         information: information6(),
         loss: None,
         trusted: vertex_j == 1,
@@ -296,10 +296,10 @@ pub(super) fn requests() -> Named {
     });
     let refine = v1::RefinePoseRequest {
         camera: Some(camera(0)),
-        world_from_camera: pose(&place(0)),
+        world_from_camera: pose(&pose_of(0)),
         observations: seen.collect(),
         prior: Some(v1::RefinePosePrior {
-            world_from_camera: pose(&place(1)),
+            world_from_camera: pose(&pose_of(1)),
             information: information6(),
         }),
         include_information: true,

@@ -170,7 +170,7 @@ fn read_key(entry: serde_json::Value) -> Result<(String, Key), Unusable> {
         return Err(Unusable::Bad("it is no JSON Web Key"));
     };
     if jwk.d.is_some() {
-        return Err(Unusable::Bad("it is a private key, which has no place here"));
+        return Err(Unusable::Bad("it is a private key, which does not belong here"));
     }
     if jwk.usage.is_some_and(|usage| usage != "sig") {
         return Err(Unusable::Unsuited { why: "it is not for signatures" });

@@ -133,9 +133,9 @@ fn a_token_of_each_algorithm_says_who_its_bearer_is() {
         assert_eq!((&*bearer.subject, &*bearer.tenant), ("robot-7", "acme"), "{alg}");
         assert_eq!(bearer.role, Role::Write);
         // One bit, in any part.
-        for place in [8, token.len() / 2, token.len() - 8] {
+        for index in [8, token.len() / 2, token.len() - 8] {
             let mut bytes = token.clone().into_bytes();
-            bytes[place] ^= 1;
+            bytes[index] ^= 1;
             let refusal = check(&keys, &String::from_utf8(bytes).unwrap()).unwrap_err();
             assert!(!token.contains(&refusal.to_string()), "{refusal}");
         }

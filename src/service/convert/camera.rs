@@ -26,8 +26,8 @@ pub(in crate::service) fn camera(
     if readout_ms.is_some_and(|ms| ms > 0.0) {
         return out.unimplemented(readout);
     }
-    let place = at.field("model");
-    let model = out.required(place, camera.model.as_ref()).and_then(|m| model(at, m, out));
+    let field = at.field("model");
+    let model = out.required(field, camera.model.as_ref()).and_then(|m| model(at, m, out));
     readout_ms?;
     let width_px = u32::try_from(width?).ok()?;
     let height_px = u32::try_from(height?).ok()?;

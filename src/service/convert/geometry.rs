@@ -36,10 +36,10 @@ pub(in crate::service) fn vector3(
     out.numbers(at, 0, fields).map(Vector3::from)
 }
 
-/// A place by the coordinates of WGS 84.
+/// A point by the coordinates of WGS 84.
 pub(in crate::service) fn geodetic(
     at: Path<'_>,
-    place: &v1::GeodeticPosition,
+    point: &v1::GeodeticPosition,
     out: &mut Violations,
 ) -> Option<Geodetic> {
     let mut angle = |name, value: f64, limit: f64| {
@@ -50,9 +50,9 @@ pub(in crate::service) fn geodetic(
         let text = format!("{value} is not in {} to {limit}", -limit);
         out.report(at.field(name), Reason::OutOfRange, text)
     };
-    let latitude_deg = angle("latitude_deg", place.latitude_deg, 90.0);
-    let longitude_deg = angle("longitude_deg", place.longitude_deg, 180.0);
-    let height_m = out.finite(at.field("height_m"), place.height_m);
+    let latitude_deg = angle("latitude_deg", point.latitude_deg, 90.0);
+    let longitude_deg = angle("longitude_deg", point.longitude_deg, 180.0);
+    let height_m = out.finite(at.field("height_m"), point.height_m);
     Some(Geodetic {
         latitude_deg: latitude_deg?,
         longitude_deg: longitude_deg?,
@@ -60,9 +60,9 @@ pub(in crate::service) fn geodetic(
     })
 }
 
-/// The message of a place.
-pub(in crate::service) fn to_geodetic(place: &Geodetic) -> v1::GeodeticPosition {
-    let Geodetic { latitude_deg, longitude_deg, height_m } = *place;
+/// The message of a point.
+pub(in crate::service) fn to_geodetic(point: &Geodetic) -> v1::GeodeticPosition {
+    let Geodetic { latitude_deg, longitude_deg, height_m } = *point;
     v1::GeodeticPosition { latitude_deg, longitude_deg, height_m }
 }
 
@@ -123,8 +123,8 @@ pub(in crate::service) fn information<const N: usize>(
         return out.report(at, Reason::WrongLength, text);
     }
     let mut matrix = SMatrix::<f64, N, N>::zeros();
-    let places = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
-    for (index, ((row, column), &entry)) in places.zip(upper).enumerate() {
+    let entries = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
+    for (index, ((row, column), &entry)) in entries.zip(upper).enumerate() {
         let entry = out.finite(at.index(index), entry)?;
         matrix[(row, column)] = entry;
         matrix[(column, row)] = entry;

@@ -127,9 +127,9 @@ fn own_id(at: Path<'_>, client_id: &str, id: i64, sender: &str, out: &mut Violat
             format!("{client_id} is another client; only entities of one's own can be added");
         let _: Option<()> = out.report(at.field("client_id"), Reason::Inconsistent, text);
     }
-    let place = at.field("id");
-    let id = ids::id(place, id, out);
-    out.or(place, id, UNREADABLE_ID)
+    let field = at.field("id");
+    let id = ids::id(field, id, out);
+    out.or(field, id, UNREADABLE_ID)
 }
 
 /// The keyframe that an item refers to.
@@ -169,8 +169,8 @@ fn keyframe(message: v1::Keyframe, sender: &str, out: &mut Violations) -> Option
     let observations = observations(at.field("observations"), message.observations, out);
     let landmarks = landmarks(at.field("landmarks"), &message.landmarks, sender, out);
     let image = message.global_descriptor;
-    let place = at.field("global_descriptor");
-    let image = image.and_then(|image| descriptor(place, image, MAX_IMAGE_DESCRIPTOR, out));
+    let field = at.field("global_descriptor");
+    let image = image.and_then(|image| descriptor(field, image, MAX_IMAGE_DESCRIPTOR, out));
     Some(Item::Keyframe {
         id,
         capture_time_ns: time.unwrap_or(0),
@@ -199,19 +199,19 @@ fn observations(
 ) -> Option<Vec<ItemObservation>> {
     out.at_most(at, &messages, MAX_ENTRIES)?;
     all(at, messages, out, |at, message, out| {
-        let place = at.field("landmark");
-        let landmark = landmark_ref(place, message.landmark.as_ref(), out);
-        let landmark = out.or(place, landmark, EntityRef::own(UNREADABLE_ID));
+        let field = at.field("landmark");
+        let landmark = landmark_ref(field, message.landmark.as_ref(), out);
+        let landmark = out.or(field, landmark, EntityRef::own(UNREADABLE_ID));
         // A keyframe of one camera has no other; rigs are refused before.
         let _first = out.within(at.field("camera_index"), message.camera_index, 0, 0);
-        let place = at.field("pixel");
-        let pixel = vector2(place, message.pixel.as_ref(), out);
-        let pixel = out.or(place, pixel, Vector2::repeat(f64::NAN));
+        let field = at.field("pixel");
+        let pixel = vector2(field, message.pixel.as_ref(), out);
+        let pixel = out.or(field, pixel, Vector2::repeat(f64::NAN));
         let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
         let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
-        let place = at.field("descriptor");
+        let field = at.field("descriptor");
         let sent = message.descriptor;
-        let descriptor = sent.and_then(|d| descriptor(place, d, MAX_FEATURE_DESCRIPTOR, out));
+        let descriptor = sent.and_then(|d| descriptor(field, d, MAX_FEATURE_DESCRIPTOR, out));
         let descriptor = descriptor.map(Arc::new);
         let sigma_px = sigma.unwrap_or(1.0);
         Some(ItemObservation { landmark, pixel, sigma_px, depth: depth.flatten(), descriptor })
@@ -295,8 +295,8 @@ fn landmarks(
             out.unreadable.push(at.field("id").to_string());
         }
         if let Some(descriptor) = &message.descriptor {
-            let place = at.field("descriptor");
-            let _kind = descriptor_kind(place, descriptor, MAX_FEATURE_DESCRIPTOR, out);
+            let field = at.field("descriptor");
+            let _kind = descriptor_kind(field, descriptor, MAX_FEATURE_DESCRIPTOR, out);
         }
         Some(ItemLandmark { id, position: read })
     })
@@ -348,7 +348,7 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
     let at = Path::root("position_prior");
     let id = own_id(at, &message.client_id, message.id, sender, out);
     let keyframe = known_keyframe(at.field("keyframe"), message.keyframe.as_ref(), out);
-    let place = place(at, message, out);
+    let position = position(at, message, out);
     let arm = message.point_in_camera.as_ref();
     let arm = arm.and_then(|arm| vector3(at.field("point_in_camera"), Some(arm), out));
     let upper_triangle = message.information.as_ref().map(|m| &m.upper_triangle);
@@ -357,7 +357,7 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
     Item::PositionPrior {
         id,
         keyframe,
-        place: place.unwrap_or(MeasuredPosition::InWorld(Vector3::zeros())),
+        position: position.unwrap_or(MeasuredPosition::InWorld(Vector3::zeros())),
         point_in_camera: arm.unwrap_or_default(),
         information,
         loss,
@@ -365,7 +365,7 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
 }
 
 /// Where a position prior has its point: in the world or on the Earth, not both.
-fn place(
+fn position(
     at: Path<'_>,
     message: &v1::PositionPrior,
     out: &mut Violations,
@@ -377,7 +377,7 @@ fn place(
             out.report(earth, Reason::Inconsistent, text)
         }
         (point, None) => vector3(world, point.as_ref(), out).map(MeasuredPosition::InWorld),
-        (None, Some(place)) => geodetic(earth, place, out).map(MeasuredPosition::OnEarth),
+        (None, Some(point)) => geodetic(earth, point, out).map(MeasuredPosition::OnEarth),
     }
 }
 

@@ -73,7 +73,7 @@ pub(in crate::service) fn policy(
         number("max_iteration_count", m.max_iteration_count, default.max_local_iterations, 1, 1000);
     let gauge = gauge(at.field("gauge"), m.gauge, out);
     let anchor = m.geodetic_anchor.as_ref();
-    let anchor = anchor.map(|place| geodetic(at.field("geodetic_anchor"), place, out));
+    let anchor = anchor.map(|point| geodetic(at.field("geodetic_anchor"), point, out));
     let limits = limits(at, m.limits.as_ref(), server, out);
     let queued_items = queued_items(at, m.limits.as_ref(), out);
     let when_full = match out.known(at.field("when_full"), m.when_full) {
@@ -147,8 +147,8 @@ fn queued_items(
         None => Some(None),
         Some(items) => {
             let limits = at.field("limits");
-            let place = limits.field("max_queued_item_count");
-            out.within(place, items, 1, 65_536).map(|items: usize| u32::try_from(items).ok())
+            let field = limits.field("max_queued_item_count");
+            out.within(field, items, 1, 65_536).map(|items: usize| u32::try_from(items).ok())
         }
     }
 }

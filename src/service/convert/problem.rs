@@ -206,12 +206,12 @@ fn graph<'m, T: 'm, G: LieGroup<N>, const N: usize>(
 ) -> Option<GraphToSolve<G, N>> {
     let (vertex_list, edge_list) = (at.field("vertices"), at.field("edges"));
     let vertices = all(vertex_list, vertices, out, |at, (vertex, pose, fixed), out| {
-        let place = at.field("world_from_vertex");
-        let pose = pose.map(|pose| read(place, Some(pose), out));
+        let field = at.field("world_from_vertex");
+        let pose = pose.map(|pose| read(field, Some(pose), out));
         let id = id(at.field("id"), vertex, out);
         let world_from_vertex = match pose {
             Some(pose) => Some(pose?),
-            None if fixed => return out.missing(place),
+            None if fixed => return out.missing(field),
             None => None,
         };
         Some((id?, world_from_vertex, fixed))

@@ -87,8 +87,8 @@ fn transforms_and_matrices_come_back() {
     let pose = good(|out| rigid_transform2(AT, Some(&flat), out));
     assert!((to_rigid_transform2(&pose).angle_rad + 0.75).abs() < 1e-15);
     let mut upper_triangle = vec![0.0; 21];
-    for (index, place) in [0, 6, 11, 15, 18, 20].into_iter().enumerate() {
-        upper_triangle[place] = 2.0 + index as f64;
+    for (index, entry) in [0, 6, 11, 15, 18, 20].into_iter().enumerate() {
+        upper_triangle[entry] = 2.0 + index as f64;
     }
     upper_triangle[1] = 0.25;
     let information = good(|out| information::<6>(AT, Some(&upper_triangle), out));

@@ -52,7 +52,7 @@ pub(super) struct Actor {
     pub(super) shared: Arc<Shared>,
     pub(super) pool: Arc<SolverPool>,
     /// Counts the map in the account of its tenant until it is dropped.
-    pub(super) _place: Reservation,
+    pub(super) _reservation: Reservation,
     pub(super) map: Arc<Map>,
     /// The revision before the event that is being applied. While it is set, a panic may leave an
     /// event half applied.
@@ -235,7 +235,7 @@ impl Actor {
     ) -> Result<IngestStream, EngineError> {
         let name = self.named_here(client, &handle)?;
         self.check_open()?;
-        let (opening, epoch, place) = self.ingest.opening(&self.map, &name, epoch)?;
+        let (opening, epoch, reservation) = self.ingest.opening(&self.map, &name, epoch)?;
         while !self.make_room(&opening).await? {}
         if let Some(client) = self.map.client_named(&name) {
             self.ingest.fence(client, &name, epoch);
@@ -258,7 +258,7 @@ impl Actor {
             revision: self.map.revision(),
             lock_step: lock_step || self.shared.config.lock_step,
         };
-        Ok(self.ingest.open(opened, &self.map, handle, place))
+        Ok(self.ingest.open(opened, &self.map, handle, reservation))
     }
 
     /// Takes constant time: the watcher reads the journal in its own task.
@@ -276,14 +276,14 @@ impl Actor {
         }
         let account = &self.shared.account;
         let watcher = account.reserve(Resource::Watchers, 1)?;
-        let place = [watcher, account.reserve(Resource::Streams, 1)?];
+        let reservations = [watcher, account.reserve(Resource::Streams, 1)?];
         let newest = self.map.revision();
         if let Some(revision) = from_revision.filter(|&revision| revision > newest) {
             let map = self.shared.name.clone();
             return Err(EngineError::RevisionAhead { map, revision, newest });
         }
         let (log, signal) = self.watching.open(newest);
-        Ok(Watch::new(handle, &self.map, self.state(), log, signal, place))
+        Ok(Watch::new(handle, &self.map, self.state(), log, signal, reservations))
     }
 
     /// Accepts or refuses a request to optimize the map.

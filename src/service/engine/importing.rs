@@ -19,7 +19,7 @@ pub struct ImportRoom {
     held: HeldEntities,
     reached: Usage,
     /// An upload is an open stream.
-    _place: Reservation,
+    _reservation: Reservation,
 }
 
 impl fmt::Debug for ImportRoom {
@@ -65,9 +65,9 @@ impl Maps {
             return Err(EngineError::MapExists { map: name.to_owned() });
         }
         let account = self.inner.pool.accounts().of_map(name);
-        let place = account.reserve(Resource::Streams, 1)?;
+        let reservation = account.reserve(Resource::Streams, 1)?;
         let held = HeldEntities::existing(&account, Usage::default());
-        Ok(ImportRoom { account, held, reached: Usage::default(), _place: place })
+        Ok(ImportRoom { account, held, reached: Usage::default(), _reservation: reservation })
     }
 
     /// Creates a map with content. Dropping the future does not stop a creation that has begun.

@@ -63,7 +63,7 @@ struct Stream {
     /// [`MEASURED_ITEMS`].
     waiting: VecDeque<(i64, Instant)>,
     ended: watch::Sender<Option<EngineError>>,
-    _place: Reservation,
+    _reservation: Reservation,
 }
 
 /// The streams of a map and what they may add to it.
@@ -108,7 +108,7 @@ impl Ingest {
         self.drained
     }
 
-    /// The change by which a client opens a stream, its epoch, and its place among all streams.
+    /// The change by which a client opens a stream, its epoch, and its reservation among all streams.
     /// Epoch 0 means the next epoch.
     ///
     /// # Errors
@@ -122,14 +122,14 @@ impl Ingest {
         if epoch > MAX_NUMBER {
             return Err(EngineError::TooLarge { field: "open.epoch", maximum: MAX_NUMBER });
         }
-        let place = self.shared.account.reserve(Resource::Streams, 1)?;
+        let reservation = self.shared.account.reserve(Resource::Streams, 1)?;
         let known = map.client_named(name).and_then(|client| map.client(client));
         let newest = known.map_or(0, Client::newest_epoch);
         let epoch = if epoch == 0 { newest.saturating_add(1) } else { epoch };
         if epoch <= newest {
             return Err(self.fenced(name, epoch, newest));
         }
-        Ok((Change::ClientOpened { name: name.to_owned(), epoch }, epoch, place))
+        Ok((Change::ClientOpened { name: name.to_owned(), epoch }, epoch, reservation))
     }
 
     fn fenced(&self, client: &str, epoch: i64, newest: i64) -> EngineError {
@@ -151,7 +151,7 @@ impl Ingest {
         opened: Opened,
         map: &Map,
         handle: MapHandle,
-        place: Reservation,
+        reservation: Reservation,
     ) -> IngestStream {
         let Opened { client, epoch, lock_step, .. } = opened;
         let most = map.policy().max_queued_items.map_or(usize::MAX, |most| most as usize);
@@ -176,7 +176,7 @@ impl Ingest {
             waiting: VecDeque::new(),
             _open: meters.streams.hold(),
             ended: ended_sender,
-            _place: place,
+            _reservation: reservation,
         };
         self.streams.insert(client, stream);
         let sender = ItemSender { handle, client, epoch, events: sender, ended, finished: false };

@@ -141,7 +141,7 @@ impl Maps {
     ) -> Result<MapInfo, EngineError> {
         let (store, name) = (&self.inner.store, claim.name().to_owned());
         // Reserved before the map is created; released if the creation fails.
-        let place = self.tenant(&name).reserve(Resource::Maps, 1)?;
+        let reservation = self.tenant(&name).reserve(Resource::Maps, 1)?;
         let (map, is_empty) = (Arc::new(map), first.is_some());
         let epoch = self.create_stored(&name, (!is_empty).then_some(&map)).await?;
         if let Some(event) = first
@@ -154,7 +154,7 @@ impl Maps {
         let flushed = store.follow(&name).await?;
         let snapshot = if is_empty { 0 } else { map.revision() };
         let start = Start::open(name, epoch, Arc::unwrap_or_clone(map), snapshot, flushed);
-        self.start_created(claim, start, place).await
+        self.start_created(claim, start, reservation).await
     }
 
     /// The account of the tenant of the map called `name`.
@@ -189,10 +189,10 @@ impl Maps {
         &self,
         mut claim: Claim,
         start: Start,
-        place: Reservation,
+        reservation: Reservation,
     ) -> Result<MapInfo, EngineError> {
         let revision = start.map.revision();
-        let handle = self.spawn(start, place);
+        let handle = self.spawn(start, reservation);
         // The creation is answered only when no crash can undo it.
         if let Err(error) = handle.durable(revision).await {
             // If the creation cannot be undone, the name keeps a map that reports why it accepts

@@ -309,7 +309,7 @@ impl Maps {
         if !source.map().is_some_and(is_part) {
             return Err(not_merged());
         }
-        let place = self.tenant(&name).reserve(Resource::Maps, 1)?;
+        let reservation = self.tenant(&name).reserve(Resource::Maps, 1)?;
         let taken = name.clone();
         let left = to.call(|actor| actor.take_out(taken).boxed()).await??;
         let Left { map, content, epoch, flushed } = left;
@@ -317,7 +317,7 @@ impl Maps {
         let durable = to.durable_at_last(map.snapshot.revision()).await;
         let (revision, content) = (content.revision(), Arc::unwrap_or_clone(content));
         let start = Start::open(name.clone(), epoch, content, revision, flushed);
-        let from = self.spawn(start, place);
+        let from = self.spawn(start, reservation);
         source.set(Some(from.clone()));
         drop((source, claim));
         self.lead_merged(&from).await;

@@ -90,8 +90,8 @@ impl Maps {
 
     /// Starts the engine of an existing map, even above the limits.
     pub(super) fn spawn_existing(&self, start: Start) -> MapHandle {
-        let place = self.tenant(&start.name).reserve_existing(Resource::Maps, 1);
-        self.spawn(start, place)
+        let reservation = self.tenant(&start.name).reserve_existing(Resource::Maps, 1);
+        self.spawn(start, reservation)
     }
 
     /// Tries to open a map until the system has the resources, the map is deleted, or opening fails
@@ -170,7 +170,7 @@ impl Maps {
     }
 
     /// Starts the engine of a map.
-    pub(super) fn spawn(&self, start: Start, place: Reservation) -> MapHandle {
+    pub(super) fn spawn(&self, start: Start, reservation: Reservation) -> MapHandle {
         let Inner { store, pool, config, .. } = &*self.inner;
         let (item_queue, items) = mpsc::channel(config.queue_capacity.max(1));
         let (request_queue, requests) = mpsc::channel(REQUEST_QUEUE);
@@ -198,7 +198,7 @@ impl Maps {
         let actor = Actor {
             shared: Arc::clone(&shared),
             pool: Arc::clone(pool),
-            _place: place,
+            _reservation: reservation,
             ingest: Ingest::new(&shared, items, &start.map),
             durability: Durability::new(&shared, start.epoch, start.snapshot),
             solving: Solving::new(&shared, pool, start.map.solve_count()),

@@ -346,7 +346,7 @@ pub fn lower_priority() {
     let _as_it_is = rustix::process::setpriority_process(None, LARGE_NICE);
 }
 
-/// A place for one piece of work of an engine on the pool. `I` is what the engine knows about the work.
+/// A slot for one piece of work of an engine on the pool. `I` is what the engine knows about the work.
 pub(super) struct Slot<R, I = ()> {
     pool: Arc<SolverPool>,
     /// Account of the engine's map.

@@ -399,9 +399,9 @@ fn solve_graph(
     };
     let verdicts = solved.judged.map(|judged| judged.closures).unwrap_or_default();
     for closure in &mut problem.closures {
-        let place = verdicts.binary_search_by_key(&closure.edge, |verdict| verdict.edge);
+        let index = verdicts.binary_search_by_key(&closure.edge, |verdict| verdict.edge);
         // A closure without a verdict links consecutive keyframes.
-        let verdict = place.ok().and_then(|place| verdicts.get(place));
+        let verdict = index.ok().and_then(|index| verdicts.get(index));
         let off = verdict.filter(|verdict| verdict.is_switched_off && verdict.chi2.is_finite());
         closure.switched_off = off.map(|verdict| SwitchedOff {
             chi2: verdict.chi2,

@@ -109,7 +109,7 @@ pub struct Watch {
     due: bool,
     /// A change that is not durable yet.
     pending: Option<MapChange>,
-    _place: [Reservation; 2],
+    _reservations: [Reservation; 2],
     _open: Held,
 }
 
@@ -122,7 +122,7 @@ impl Watch {
         state: MapState,
         log: LogReader,
         signal: watch::Receiver<()>,
-        place: [Reservation; 2],
+        reservations: [Reservation; 2],
     ) -> Self {
         let mut gathered = Gathered::new(most_touched(map));
         gathered.reset();
@@ -136,7 +136,7 @@ impl Watch {
             sent: (map.revision(), state),
             due: true,
             pending: None,
-            _place: place,
+            _reservations: reservations,
             _open: handle.shared.meters.watchers.hold(),
             handle,
         }

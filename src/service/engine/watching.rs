@@ -43,7 +43,7 @@ struct Entries {
 }
 
 impl Watching {
-    /// Adds a watcher of a map at `revision`: its place in the log, and the signal that wakes it.
+    /// Adds a watcher of a map at `revision`: its position in the log, and the signal that wakes it.
     pub(super) fn open(&self, revision: i64) -> (LogReader, watch::Receiver<()>) {
         let mut entries = self.log.lock();
         if entries.readers.is_empty() {

@@ -94,7 +94,7 @@ impl Numbers {
                 let observations = keyframe.observations.iter().enumerate();
                 let left_out: Vec<_> = observations
                     .filter(|(_, o)| numbers.points.get(o.landmark).is_none())
-                    .map(|(place, _)| place)
+                    .map(|(index, _)| index)
                     .collect();
                 if !left_out.is_empty() {
                     numbers.left_out.insert(id, left_out);
@@ -160,9 +160,9 @@ impl Numbers {
             else {
                 continue;
             };
-            for (place, observation) in keyframe.observations.iter().enumerate() {
+            for (index, observation) in keyframe.observations.iter().enumerate() {
                 if observation.landmark == id {
-                    point.track.push((image, self.keypoint(*observer, place)));
+                    point.track.push((image, self.keypoint(*observer, index)));
                 }
             }
         }
@@ -170,12 +170,12 @@ impl Numbers {
     }
 
     /// The keypoint of an observation; observations that are left out are not numbered.
-    fn keypoint(&self, keyframe: EntityId, place: usize) -> u32 {
+    fn keypoint(&self, keyframe: EntityId, index: usize) -> u32 {
         let left_out = self
             .left_out
             .get(&keyframe)
-            .map_or(0, |places| places.partition_point(|&left_out| left_out < place));
-        u32::try_from(place - left_out).unwrap_or(u32::MAX)
+            .map_or(0, |left_out| left_out.partition_point(|&at| at < index));
+        u32::try_from(index - left_out).unwrap_or(u32::MAX)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Parts of a file, each with its place in the map: a run of records of one kind.
+//! Parts of a file, each with its position in the map: a run of records of one kind.
 //!
 //! A part writes until a chunk is full and continues from there at the next call. What was written
 //! is not kept here.

@@ -49,9 +49,9 @@ fn map() -> Arc<Map> {
     ];
     for k in 0..KEYFRAMES {
         let seen = (0..400).map(|j| (k * 61 + j) % LANDMARKS).chain([k * 61 % LANDMARKS]);
-        let observations = seen.enumerate().map(|(place, k)| Observation {
+        let observations = seen.enumerate().map(|(index, k)| Observation {
             landmark: landmark(k),
-            pixel: Vector2::new(place as f64 + 1.0 / 3.0, 7.0),
+            pixel: Vector2::new(index as f64 + 1.0 / 3.0, 7.0),
             sigma_px: 1.0,
             depth: None,
             descriptor: None,

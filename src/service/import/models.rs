@@ -161,7 +161,7 @@ fn colmap(
     }
     let mut ordered: Vec<(u32, &ColmapImage)> = model.images.iter().map(|(&i, m)| (i, m)).collect();
     ordered.sort_unstable_by(|a, b| natural_cmp(&a.1.name, &b.1.name).then(a.0.cmp(&b.0)));
-    for (place, (id, image)) in (0..).zip(ordered) {
+    for (index, (id, image)) in (0..).zip(ordered) {
         let what = format!("{images}, image {id}");
         let pose = image.world_from_camera();
         let pose = pose.ok_or_else(|| refused(format!("{what}: the rotation has no norm")))?;
@@ -178,7 +178,7 @@ fn colmap(
         }
         let item = Item::Keyframe {
             id: id.into(),
-            capture_time_ns: IMAGE_STEP_NS.saturating_mul(place),
+            capture_time_ns: IMAGE_STEP_NS.saturating_mul(index),
             camera: Some(EntityRef::own(image.camera.into())),
             world_from_camera: pose,
             odom_from_camera: None,
@@ -222,8 +222,8 @@ fn g2o(building: &mut Building, files: &[File], client: &str) -> Result<(), Serv
     let client = building.client(client)?;
     let poses: BTreeMap<i64, Se3> =
         graph.ids.iter().copied().zip(graph.poses.iter().copied()).collect();
-    for (place, (&id, &pose)) in (0..).zip(&poses) {
-        let item = keyframe(id, IMAGE_STEP_NS.saturating_mul(place), pose);
+    for (index, (&id, &pose)) in (0..).zip(&poses) {
+        let item = keyframe(id, IMAGE_STEP_NS.saturating_mul(index), pose);
         building.add(client, format_args!("{path}, vertex {id}"), &item)?;
     }
     for (id, edge) in (0..).zip(&graph.edges) {

@@ -49,7 +49,7 @@ pub(super) struct Entry {
 pub(super) struct Held {
     /// Bytes of its files.
     pub(super) bytes: Reservation,
-    /// A place among the jobs that have not ended.
+    /// One of the jobs that have not ended.
     pub(super) pending: Option<Reservation>,
 }
 

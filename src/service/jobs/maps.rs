@@ -333,7 +333,7 @@ pub(super) async fn export(
 ) -> Result<Made, ServiceError> {
     let format = format(request.format)?;
     let map = run.map(&request.map_id)?;
-    let place = map.account().reserve(Resource::Exports, 1)?;
+    let reservation = map.account().reserve(Resource::Exports, 1)?;
     run.phase("exports the map");
     let snapshot = map.snapshot().await?;
     let mut export = {
@@ -396,7 +396,7 @@ pub(super) async fn export(
         run.change(|job, _| add_file(job, path.clone(), size_bytes)).await?;
         run.tell(|progress| progress.share = Some((done + 1) as f64 / all as f64));
     }
-    drop(place);
+    drop(reservation);
     let files: Vec<_> = paths
         .iter()
         .map(|path| json!({ "path": path, "size_bytes": sizes.get(path).copied().unwrap_or(0) }))

@@ -168,12 +168,12 @@ impl Jobs {
     pub(super) fn counts(&self) -> [u64; 3] {
         let mut counts = [0; 3];
         for entry in self.table.lock().jobs.values() {
-            let place = match entry.state() {
+            let group = match entry.state() {
                 JobState::Unspecified | JobState::Pending => 0,
                 JobState::Running => 1,
                 JobState::Succeeded | JobState::Failed | JobState::Cancelled => 2,
             };
-            counts[place] += 1;
+            counts[group] += 1;
         }
         counts
     }

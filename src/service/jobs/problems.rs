@@ -221,7 +221,7 @@ async fn one(
     let jobs = &run.context.jobs;
     // More jobs may run than solves where workers do them.
     let closed = |_| ServiceError::Draining;
-    let _place = jobs.solves_here.acquire().await.map_err(closed)?;
+    let _permit = jobs.solves_here.acquire().await.map_err(closed)?;
     let (files, uid) = (Arc::clone(&jobs.files), run.entry.uid);
     let read = move || {
         let read = |input| Ok(files.bytes(&uid, JobFile::Input(input)).map_err(JobError::from)?);
@@ -235,9 +235,9 @@ async fn one(
         cancellation: Arc::clone(&run.entry.cancellation),
         tell: teller(run),
     };
-    let place = OnDisk::new(run.context, run.entry, index);
+    let on_disk = OnDisk::new(run.context, run.entry, index);
     let holds = run.context.config.holds("hold-checkpoint");
-    let kept = Checkpoints::new(place, holds, &means);
+    let kept = Checkpoints::new(on_disk, holds, &means);
     Ok((solving::solve(task, &means, read, kept).await?, None))
 }
 

@@ -183,7 +183,7 @@ pub(super) fn next_output(job: &v1::Job) -> JobFile {
 /// Adds a file that is written to those of a job.
 pub(super) fn add_file(job: &mut v1::Job, path: String, size_bytes: i64) {
     if job.files.is_empty() {
-        // The report's place.
+        // The report is the first file.
         job.files.push(v1::JobFile { path: REPORT.to_owned(), size_bytes: 0 });
     }
     job.files.push(v1::JobFile { path, size_bytes });

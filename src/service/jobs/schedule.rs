@@ -68,7 +68,7 @@ pub(in crate::service) async fn serve(context: Arc<Context>) {
 }
 
 impl Jobs {
-    /// The next job, if one waits and there is a place for it.
+    /// The next job, if one waits and there is room for it.
     fn next(&self) -> Option<(Turn, Arc<Entry>)> {
         let mut table = self.table.lock();
         loop {
@@ -194,8 +194,8 @@ impl Jobs {
         let changes =
             if has_ended { Vec::new() } else { spec::changed_maps(&spec, context, &caller) };
         let key = (record.tenant, record.job_id);
-        let place = (key, folder.uid, record.number);
-        Arc::new(Entry::new(place, job, done, changes, upload, held))
+        let identity = (key, folder.uid, record.number);
+        Arc::new(Entry::new(identity, job, done, changes, upload, held))
     }
 }
 

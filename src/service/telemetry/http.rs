@@ -36,16 +36,16 @@ pub(in crate::service) async fn serve(listener: TcpListener, context: Arc<Contex
         max_strangers: MAX_CONNECTIONS,
         ..ConnectionLimits::default()
     };
-    let (places, failures) = (Connections::new(limits, None), LogLimit::default());
-    let mut connections = JoinSet::new();
+    let (connections, failures) = (Connections::new(limits, None), LogLimit::default());
+    let mut answers = JoinSet::new();
     loop {
         match listener.accept().await {
             Ok((stream, peer)) => {
-                let (place, context) = (places.enter(peer), Arc::clone(&context));
-                connections.spawn(async move {
+                let (slot, context) = (connections.enter(peer), Arc::clone(&context));
+                answers.spawn(async move {
                     tokio::select! {
                         () = answer(stream, context) => {}
-                        () = place.closed() => tracing::debug!("a connection for metrics made place"),
+                        () = slot.closed() => tracing::debug!("a connection for metrics made room"),
                         () = tokio::time::sleep(CONNECTION_TIME) => {
                             tracing::debug!("a connection for metrics took too long");
                         }
@@ -61,7 +61,7 @@ pub(in crate::service) async fn serve(listener: TcpListener, context: Arc<Contex
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
         }
-        while connections.try_join_next().is_some() {}
+        while answers.try_join_next().is_some() {}
     }
 }
 

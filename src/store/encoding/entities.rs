@@ -31,10 +31,10 @@ const CONSTRAINT_KINDS: [ConstraintKind; 4] = [
     ConstraintKind::Marginal,
 ];
 
-/// The kind with a number; a kind is encoded as its place in its enum, from 1.
+/// The kind with a number; a kind is encoded as its index in its enum, from 1.
 pub(super) fn decode_kind<T: Copy>(kinds: &[T], number: u32, name: &'static str) -> Decoded<T> {
-    let place = number.checked_sub(1).and_then(|place| kinds.get(place as usize));
-    place.copied().ok_or(EncodingError::Invalid(name))
+    let kind = number.checked_sub(1).and_then(|index| kinds.get(index as usize));
+    kind.copied().ok_or(EncodingError::Invalid(name))
 }
 
 pub(super) fn encode_id(id: EntityId) -> v1::Id {
@@ -183,8 +183,8 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
     }
 }
 
-fn encode_geodetic(place: &Geodetic) -> v1::Geodetic {
-    let Geodetic { latitude_deg, longitude_deg, height_m } = place;
+fn encode_geodetic(point: &Geodetic) -> v1::Geodetic {
+    let Geodetic { latitude_deg, longitude_deg, height_m } = point;
     v1::Geodetic {
         latitude_deg: latitude_deg.to_bits(),
         longitude_deg: longitude_deg.to_bits(),
@@ -192,8 +192,8 @@ fn encode_geodetic(place: &Geodetic) -> v1::Geodetic {
     }
 }
 
-fn decode_geodetic(place: v1::Geodetic) -> Geodetic {
-    let v1::Geodetic { latitude_deg, longitude_deg, height_m } = place;
+fn decode_geodetic(point: v1::Geodetic) -> Geodetic {
+    let v1::Geodetic { latitude_deg, longitude_deg, height_m } = point;
     Geodetic {
         latitude_deg: f64::from_bits(latitude_deg),
         longitude_deg: f64::from_bits(longitude_deg),

@@ -332,7 +332,7 @@ impl<R: Read + Seek> Bytes<'_, R> {
     }
 }
 
-/// The place of a chunk.
+/// Where a chunk is in the file.
 struct Chunk {
     start: u64,
     /// The offset after its last byte.

@@ -51,7 +51,7 @@ impl Ground {
     }
 }
 
-/// What is at a place.
+/// What is at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum VoxelState {
     Unseen,
@@ -155,8 +155,8 @@ impl Columns {
         Ok(cells)
     }
 
-    /// The place of a sample, in voxels.
-    fn place(&self, i: usize, j: usize, height: f64) -> Vector3<f64> {
+    /// A sample, in voxels.
+    fn in_voxels(&self, i: usize, j: usize, height: f64) -> Vector3<f64> {
         let Ground { axes, resolution_m, corner_m, .. } = &self.ground;
         let x = corner_m[0] / resolution_m + 0.5 + i as f64;
         let y = corner_m[1] / resolution_m + 0.5 + j as f64;
@@ -165,8 +165,8 @@ impl Columns {
 
     /// The lowest and the highest voxels that are read over a square of cells.
     fn voxels(&self, square: [[usize; 2]; 2], heights: [f64; 2]) -> (Vector3<f64>, Vector3<f64>) {
-        let corners =
-            (0..8).map(|k| self.place(square[k & 1][0], square[k >> 1 & 1][1], heights[k >> 2]));
+        let corners = (0..8)
+            .map(|k| self.in_voxels(square[k & 1][0], square[k >> 1 & 1][1], heights[k >> 2]));
         let none = Vector3::repeat(f64::INFINITY);
         let bounds = corners.fold((none, -none), |(low, high), p| (low.inf(&p), high.sup(&p)));
         // The nearest voxel, its neighbors, and rounding.
@@ -178,7 +178,7 @@ impl Columns {
 impl Standing<'_> {
     /// What is over the center of a cell at a height in resolutions.
     pub(super) fn at(&self, i: usize, j: usize, height: f64) -> VoxelState {
-        let voxel = self.columns.place(i, j, height).map(|v| v.round() as i64);
+        let voxel = self.columns.in_voxels(i, j, height).map(|v| v.round() as i64);
         let state = self.voxel(voxel);
         let is_free = |step: Vector3<i64>| self.voxel(voxel + step) == VoxelState::Free;
         if state == VoxelState::Behind

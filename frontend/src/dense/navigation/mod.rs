@@ -98,7 +98,7 @@ pub fn occupancy_grid(
     options: &NavigationOptions,
 ) -> Result<OccupancyGrid, NavigationError> {
     let columns = Columns::new(volume, options)?;
-    let cells = columns.fold(volume, Cell::Unknown, |cell, _, place| match (cell, place) {
+    let cells = columns.fold(volume, Cell::Unknown, |cell, _, found| match (cell, found) {
         (Cell::Occupied, _) | (_, VoxelState::Surface) => Cell::Occupied,
         (_, VoxelState::Free) => Cell::Free,
         (cell, VoxelState::Unseen | VoxelState::Behind) => cell,
@@ -176,7 +176,7 @@ pub fn distance_slice(
     let ground = columns.ground;
     let slice = height_m / ground.resolution_m;
     let mut squares =
-        columns.fold(volume, f64::INFINITY, |nearest, height, place| match place {
+        columns.fold(volume, f64::INFINITY, |nearest, height, found| match found {
             VoxelState::Surface => nearest.min((height as f64 - slice).powi(2)),
             VoxelState::Unseen | VoxelState::Free | VoxelState::Behind => nearest,
         })?;

@@ -2,7 +2,7 @@
 //!
 //! A piece reads its block and the voxels next to it. When a block changes, its own piece is rebuilt,
 //! and those neighboring pieces that read its voxels, or may do so now because a sign or the visibility
-//! at the border changed. Each block has a place here, independent of its slot in the volume: blocks
+//! at the border changed. Each block has an entry here, independent of its slot in the volume: blocks
 //! change slots, and those on disk keep their pieces. A block that is read back is processed again only
 //! if it changed. How a piece is made is known to `piece`; the volume is only read.
 
@@ -19,7 +19,7 @@ use super::bits::{Bits, FieldBits, borders};
 use super::piece::{MIDDLE, Piece, Source, ones};
 use super::{Mesh, join};
 
-/// No slot, or no place.
+/// No slot, or no entry.
 const NONE: u32 = u32::MAX;
 /// All 27 blocks around.
 const ALL: u32 = (1 << 27) - 1;
@@ -33,12 +33,12 @@ const REGIONS_AT_A_TIME: usize = 32;
 /// The surface of a volume, kept up to date.
 #[derive(Clone, Debug, Default)]
 pub struct SurfaceCache {
-    places: HashMap<BlockKey, u32, KeyHashes>,
-    /// Places without a block.
+    entries: HashMap<BlockKey, u32, KeyHashes>,
+    /// Entries without a block.
     vacant: Vec<usize>,
-    /// The place of the block in each of the volume's slots.
-    place_of_slot: Vec<u32>,
-    // The state of each place:
+    /// The entry of the block in each of the volume's slots.
+    entry_of_slot: Vec<u32>,
+    // The state of each entry:
     keys: Vec<BlockKey>,
     /// Where the block is in the volume.
     slots: Vec<u32>,
@@ -46,7 +46,7 @@ pub struct SurfaceCache {
     revisions: Vec<u64>,
     bits: Vec<Bits>,
     sides: Vec<u8>,
-    /// Places of the blocks around, as in [`FieldBits::of`].
+    /// Entries of the blocks around, as in [`FieldBits::of`].
     around: Vec<[u32; 27]>,
     pieces: Vec<Option<Box<Piece>>>,
     /// Which of the blocks around the piece reads, as in [`borders`].
@@ -55,7 +55,7 @@ pub struct SurfaceCache {
     read_by: Vec<u32>,
     /// The update since which the piece is outdated, 0 where it is up to date.
     stale: Vec<u64>,
-    /// The places of outdated pieces, in the order in which they became so.
+    /// The entries of outdated pieces, in the order in which they became so.
     old: VecDeque<usize>,
     updates: u64,
     /// The volume's revision up to which blocks on disk were processed too.
@@ -82,11 +82,11 @@ impl SurfaceCache {
         self.looked = volume.resident().revision();
         let old = self.oldest(most);
         let (here, away) =
-            old.into_iter().partition::<Vec<_>, _>(|&place| self.is_in_memory(place));
+            old.into_iter().partition::<Vec<_>, _>(|&entry| self.is_in_memory(entry));
         let mut made = self.make(volume.resident(), here);
         let mut by_region = BTreeMap::<Region, Vec<usize>>::new();
-        for place in away {
-            by_region.entry(Region::of(self.keys[place])).or_default().push(place);
+        for entry in away {
+            by_region.entry(Region::of(self.keys[entry])).or_default().push(entry);
         }
         let mut groups = by_region.into_values();
         for group in groups.by_ref() {
@@ -101,17 +101,17 @@ impl SurfaceCache {
     }
 
     /// Whether all blocks that a piece reads are in memory.
-    fn is_in_memory(&self, place: usize) -> bool {
-        let mut known = self.around[place].iter().filter(|&&place| place != NONE);
-        known.all(|&place| self.slots[place as usize] != NONE)
+    fn is_in_memory(&self, entry: usize) -> bool {
+        let mut known = self.around[entry].iter().filter(|&&entry| entry != NONE);
+        known.all(|&entry| self.slots[entry as usize] != NONE)
     }
 
     /// The regions that pieces read.
-    fn regions_around(&self, places: &[usize]) -> Vec<Region> {
-        let known = places.iter().flat_map(|&place| self.around[place]);
-        let known = known.filter(|&place| place != NONE);
+    fn regions_around(&self, entries: &[usize]) -> Vec<Region> {
+        let known = entries.iter().flat_map(|&entry| self.around[entry]);
+        let known = known.filter(|&entry| entry != NONE);
         let regions: BTreeSet<_> =
-            known.map(|place| Region::of(self.keys[place as usize])).collect();
+            known.map(|entry| Region::of(self.keys[entry as usize])).collect();
         regions.into_iter().collect()
     }
 
@@ -126,20 +126,20 @@ impl SurfaceCache {
         self.look(volume);
     }
 
-    /// The places of at most `most` outdated pieces that must be rebuilt; the rest stays outdated.
+    /// The entries of at most `most` outdated pieces that must be rebuilt; the rest stays outdated.
     fn oldest(&mut self, most: usize) -> Vec<usize> {
         let mut oldest = Vec::new();
         while oldest.len() < most && !self.old.is_empty() {
             let count = self.old.len().min(most - oldest.len());
             let some: Vec<_> = self.old.drain(..count).collect();
             let tasks = some.par_iter().with_min_len(8 * BLOCKS_A_TASK);
-            let both: Vec<bool> = tasks.map(|&place| self.has_both_sides(place)).collect();
-            for (place, has_both) in some.into_iter().zip(both) {
+            let both: Vec<bool> = tasks.map(|&entry| self.has_both_sides(entry)).collect();
+            for (entry, has_both) in some.into_iter().zip(both) {
                 if has_both {
-                    oldest.push(place);
+                    oldest.push(entry);
                 } else {
-                    self.keep(place, None, 0);
-                    self.stale[place] = 0;
+                    self.keep(entry, None, 0);
+                    self.stale[entry] = 0;
                 }
             }
         }
@@ -148,30 +148,30 @@ impl SurfaceCache {
     }
 
     /// Rebuilds pieces and returns how many.
-    fn make(&mut self, volume: &Volume, places: Vec<usize>) -> usize {
-        let mut made = Vec::with_capacity(places.len());
-        for place in places {
-            self.stale[place] = 0;
-            made.push((place, self.pieces[place].take(), 0));
+    fn make(&mut self, volume: &Volume, entries: Vec<usize>) -> usize {
+        let mut made = Vec::with_capacity(entries.len());
+        for entry in entries {
+            self.stale[entry] = 0;
+            made.push((entry, self.pieces[entry].take(), 0));
         }
         let tasks = made.par_iter_mut().with_min_len(BLOCKS_A_TASK);
-        tasks.for_each(|(place, piece, reads)| {
-            (*piece, *reads) = Piece::new(&self.source(volume, *place), piece.take());
+        tasks.for_each(|(entry, piece, reads)| {
+            (*piece, *reads) = Piece::new(&self.source(volume, *entry), piece.take());
         });
         let count = made.len();
-        for (place, piece, reads) in made {
-            self.keep(place, piece, reads);
+        for (entry, piece, reads) in made {
+            self.keep(entry, piece, reads);
         }
         count
     }
 
-    /// Stores the piece of a place, and which blocks it reads.
-    fn keep(&mut self, place: usize, piece: Option<Box<Piece>>, reads: u32) {
-        let turned = self.reads[place] ^ reads;
-        self.pieces[place] = piece;
-        self.reads[place] = reads;
+    /// Stores the piece of an entry, and which blocks it reads.
+    fn keep(&mut self, entry: usize, piece: Option<Box<Piece>>, reads: u32) {
+        let turned = self.reads[entry] ^ reads;
+        self.pieces[entry] = piece;
+        self.reads[entry] = reads;
         for k in ones(turned.into()) {
-            let neighbor = self.around[place][k];
+            let neighbor = self.around[entry][k];
             if neighbor != NONE {
                 self.read_by[neighbor as usize] ^= 1 << (26 - k);
             }
@@ -181,81 +181,81 @@ impl SurfaceCache {
     /// For how many updates the oldest piece has been outdated; 0 where none is.
     #[must_use]
     pub fn lag(&self) -> u64 {
-        let oldest = self.old.iter().map(|&place| self.stale[place]).min();
+        let oldest = self.old.iter().map(|&entry| self.stale[entry]).min();
         oldest.map_or(0, |since| self.updates - since + 1)
     }
 
     /// The whole surface.
     #[must_use]
     pub fn mesh(&self) -> Mesh {
-        join(&self.pieces, |place| {
+        join(&self.pieces, |entry| {
             let step = |k: usize| (k & 1) + 3 * (k >> 1 & 1) + 9 * (k >> 2);
-            std::array::from_fn(|k| self.around[place][MIDDLE + step(k)])
+            std::array::from_fn(|k| self.around[entry][MIDDLE + step(k)])
         })
     }
 
-    /// Finds the current slots of the volume's blocks, makes places for new blocks, and frees those of
+    /// Finds the current slots of the volume's blocks, makes entries for new blocks, and frees those of
     /// removed ones.
     fn link(&mut self, volume: &Volume, is_on_disk: impl Fn(BlockKey) -> bool) {
-        let (old, keys) = (self.place_of_slot.len(), volume.keys());
+        let (old, keys) = (self.entry_of_slot.len(), volume.keys());
         let kept = old.min(keys.len());
-        let is_other = |&slot: &usize| self.keys[self.place_of_slot[slot] as usize] != keys[slot];
+        let is_other = |&slot: &usize| self.keys[self.entry_of_slot[slot] as usize] != keys[slot];
         let others: Vec<_> = (0..kept).filter(is_other).chain(kept..keys.len()).collect();
         let is_left = |&slot: &usize| slot < old;
         let left = others.iter().copied().filter(is_left).chain(keys.len()..old);
-        let left: Vec<_> = left.map(|slot| self.place_of_slot[slot] as usize).collect();
-        left.iter().for_each(|&place| self.slots[place] = NONE);
-        self.place_of_slot.resize(keys.len(), NONE);
+        let left: Vec<_> = left.map(|slot| self.entry_of_slot[slot] as usize).collect();
+        left.iter().for_each(|&entry| self.slots[entry] = NONE);
+        self.entry_of_slot.resize(keys.len(), NONE);
         self.reserve(others.len());
         let mut new = Vec::new();
         for slot in others {
-            let place = self.places.get(&keys[slot]).map(|&place| place as usize);
-            let place = place.unwrap_or_else(|| {
-                let place = self.new_place(keys[slot]);
-                new.push(place);
-                place
+            let entry = self.entries.get(&keys[slot]).map(|&entry| entry as usize);
+            let entry = entry.unwrap_or_else(|| {
+                let entry = self.new_entry(keys[slot]);
+                new.push(entry);
+                entry
             });
-            self.slots[place] = slot as u32;
-            self.place_of_slot[slot] = place as u32;
+            self.slots[entry] = slot as u32;
+            self.entry_of_slot[slot] = entry as u32;
         }
-        for place in left {
-            if self.slots[place] == NONE && !is_on_disk(self.keys[place]) {
-                self.give_up(place);
+        for entry in left {
+            if self.slots[entry] == NONE && !is_on_disk(self.keys[entry]) {
+                self.give_up(entry);
             }
         }
         let tasks = new.par_iter().with_min_len(BLOCKS_A_TASK);
-        let linked: Vec<_> = tasks.map(|&place| self.places_around(self.keys[place])).collect();
-        for (&place, around) in new.iter().zip(linked) {
-            self.around[place] = around;
+        let linked: Vec<_> = tasks.map(|&entry| self.places_around(self.keys[entry])).collect();
+        for (&entry, around) in new.iter().zip(linked) {
+            self.around[entry] = around;
             for (k, neighbor) in around.into_iter().enumerate() {
                 if neighbor != NONE {
                     let neighbor = neighbor as usize;
-                    self.around[neighbor][26 - k] = place as u32;
-                    self.read_by[place] |= (self.reads[neighbor] >> (26 - k) & 1) << k;
+                    self.around[neighbor][26 - k] = entry as u32;
+                    self.read_by[entry] |= (self.reads[neighbor] >> (26 - k) & 1) << k;
                 }
             }
         }
     }
 
-    /// Reserves memory for `places` more: growing step by step would touch twice as much.
-    fn reserve(&mut self, places: usize) {
-        self.places.reserve(places);
-        self.keys.reserve(places);
-        self.slots.reserve(places);
-        self.revisions.reserve(places);
-        self.bits.reserve(places);
-        self.sides.reserve(places);
-        self.around.reserve(places);
-        self.pieces.reserve(places);
-        self.reads.reserve(places);
-        self.read_by.reserve(places);
-        self.stale.reserve(places);
+    /// Reserves memory for `entries` more: growing step by step would touch twice as much.
+    fn reserve(&mut self, entries: usize) {
+        self.entries.reserve(entries);
+        self.keys.reserve(entries);
+        self.slots.reserve(entries);
+        self.revisions.reserve(entries);
+        self.bits.reserve(entries);
+        self.sides.reserve(entries);
+        self.around.reserve(entries);
+        self.pieces.reserve(entries);
+        self.reads.reserve(entries);
+        self.read_by.reserve(entries);
+        self.stale.reserve(entries);
     }
 
-    /// A place for a block that has none, without neighbors yet.
-    fn new_place(&mut self, key: BlockKey) -> usize {
-        let place = self.vacant.pop().unwrap_or_else(|| {
-            let place = self.keys.len();
+    /// An entry for a block that has none, without neighbors yet.
+    fn new_entry(&mut self, key: BlockKey) -> usize {
+        let entry = self.vacant.pop().unwrap_or_else(|| {
+            let entry = self.keys.len();
             self.keys.push(key);
             self.slots.push(NONE);
             self.revisions.push(NEVER);
@@ -266,102 +266,102 @@ impl SurfaceCache {
             self.reads.push(0);
             self.read_by.push(0);
             self.stale.push(0);
-            place
+            entry
         });
-        self.keys[place] = key;
-        self.places.insert(key, place as u32);
-        place
+        self.keys[entry] = key;
+        self.entries.insert(key, entry as u32);
+        entry
     }
 
-    /// Frees the place of a block that is gone.
-    fn give_up(&mut self, place: usize) {
-        for (k, neighbor) in self.around[place].into_iter().enumerate() {
+    /// Frees the entry of a block that is gone.
+    fn give_up(&mut self, entry: usize) {
+        for (k, neighbor) in self.around[entry].into_iter().enumerate() {
             if neighbor != NONE {
                 self.around[neighbor as usize][26 - k] = NONE;
                 self.read_by[neighbor as usize] &= !(1 << (26 - k));
                 self.mark(neighbor as usize);
             }
         }
-        self.places.remove(&self.keys[place]);
-        self.around[place] = [NONE; 27];
-        self.pieces[place] = None;
-        (self.reads[place], self.read_by[place]) = (0, 0);
-        (self.revisions[place], self.sides[place]) = (NEVER, 0);
-        self.vacant.push(place);
+        self.entries.remove(&self.keys[entry]);
+        self.around[entry] = [NONE; 27];
+        self.pieces[entry] = None;
+        (self.reads[entry], self.read_by[entry]) = (0, 0);
+        (self.revisions[entry], self.sides[entry]) = (NEVER, 0);
+        self.vacant.push(entry);
     }
 
     /// Computes the bits of changed blocks, and marks the pieces that read them as outdated.
     fn look(&mut self, volume: &Volume) {
         let (blocks, states) = (volume.blocks(), volume.states());
-        let places = self.place_of_slot.iter().map(|&place| place as usize).enumerate();
+        let entries = self.entry_of_slot.iter().map(|&entry| entry as usize).enumerate();
         let is_old =
-            |&(slot, place): &(usize, usize)| self.revisions[place] != states[slot].changed;
-        let old: Vec<_> = places.filter(is_old).collect();
+            |&(slot, entry): &(usize, usize)| self.revisions[entry] != states[slot].changed;
+        let old: Vec<_> = entries.filter(is_old).collect();
         let tasks = old.par_iter().with_min_len(BLOCKS_A_TASK);
         let looked: Vec<_> = tasks
-            .map(|&(slot, place)| {
+            .map(|&(slot, entry)| {
                 let bits = Bits::of(&blocks[slot]);
-                let turned = match self.revisions[place] {
+                let turned = match self.revisions[entry] {
                     NEVER => ALL,
-                    _ => borders(&bits.difference(&self.bits[place])),
+                    _ => borders(&bits.difference(&self.bits[entry])),
                 };
-                (bits, bits.sides(), self.fresh_around(place, turned | self.read_by[place]))
+                (bits, bits.sides(), self.fresh_around(entry, turned | self.read_by[entry]))
             })
             .collect();
-        for (&(slot, place), (bits, sides, fresh)) in old.iter().zip(looked) {
-            self.revisions[place] = states[slot].changed;
-            self.sides[place] = sides;
-            self.bits[place] = bits;
+        for (&(slot, entry), (bits, sides, fresh)) in old.iter().zip(looked) {
+            self.revisions[entry] = states[slot].changed;
+            self.sides[entry] = sides;
+            self.bits[entry] = bits;
             for k in ones(fresh.into()) {
-                self.mark(self.around[place][k] as usize);
+                self.mark(self.around[entry][k] as usize);
             }
         }
     }
 
-    /// The places around one, itself included, whose pieces are not outdated yet.
-    fn fresh_around(&self, place: usize, which: u32) -> u32 {
+    /// The entries around one, itself included, whose pieces are not outdated yet.
+    fn fresh_around(&self, entry: usize, which: u32) -> u32 {
         let which = ones((which | 1 << MIDDLE).into());
         which.fold(0, |fresh, k| {
-            let neighbor = self.around[place][k];
+            let neighbor = self.around[entry][k];
             let is_fresh = neighbor != NONE && self.stale[neighbor as usize] == 0;
             fresh | u32::from(is_fresh) << k
         })
     }
 
-    fn mark(&mut self, place: usize) {
-        if self.stale[place] == 0 {
-            self.stale[place] = self.updates;
-            self.old.push_back(place);
+    fn mark(&mut self, entry: usize) {
+        if self.stale[entry] == 0 {
+            self.stale[entry] = self.updates;
+            self.old.push_back(entry);
         }
     }
 
     /// Whether there are voxels in front of the surface and behind it around a block.
-    fn has_both_sides(&self, place: usize) -> bool {
-        let known = self.around[place].iter().filter(|&&place| place != NONE);
-        known.fold(0, |sides, &place| sides | self.sides[place as usize]) == 3
+    fn has_both_sides(&self, entry: usize) -> bool {
+        let known = self.around[entry].iter().filter(|&&entry| entry != NONE);
+        known.fold(0, |sides, &entry| sides | self.sides[entry as usize]) == 3
     }
 
-    /// The input for the piece of a place.
-    fn source<'a>(&self, volume: &'a Volume, place: usize) -> Source<'a> {
-        let around = self.around[place].map(|place| (place != NONE).then_some(place as usize));
+    /// The input for the piece of an entry.
+    fn source<'a>(&self, volume: &'a Volume, entry: usize) -> Source<'a> {
+        let around = self.around[entry].map(|entry| (entry != NONE).then_some(entry as usize));
         let blocks = volume.blocks();
         let around_blocks =
-            around.map(|place| place.and_then(|place| blocks.get(self.slots[place] as usize)));
+            around.map(|entry| entry.and_then(|entry| blocks.get(self.slots[entry] as usize)));
         Source {
-            key: self.keys[place],
+            key: self.keys[entry],
             voxel_m: volume.options().voxel_m,
             around: around_blocks,
-            bits: FieldBits::of(&around.map(|place| place.map(|place| &self.bits[place]))),
+            bits: FieldBits::of(&around.map(|entry| entry.map(|entry| &self.bits[entry]))),
         }
     }
 
-    /// Places of the blocks around a key, itself in the middle.
+    /// Entries of the blocks around a key, itself in the middle.
     fn places_around(&self, key: BlockKey) -> [u32; 27] {
         let step = |coordinate: i32, k: usize| coordinate.checked_add(k as i32 % 3 - 1);
         std::array::from_fn(|k| {
             let neighbor = step(key.x, k).zip(step(key.y, k / 3)).zip(step(key.z, k / 9));
-            let place = neighbor.and_then(|((x, y), z)| self.places.get(&BlockKey { x, y, z }));
-            place.copied().unwrap_or(NONE)
+            let entry = neighbor.and_then(|((x, y), z)| self.entries.get(&BlockKey { x, y, z }));
+            entry.copied().unwrap_or(NONE)
         })
     }
 }

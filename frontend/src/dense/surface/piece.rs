@@ -204,12 +204,12 @@ fn rows_of(word: u64) -> u32 {
     first_of_bytes((word | word >> 1) & 0x0101_0101_0101_0101) as u32
 }
 
-/// The places of ones, lowest first.
+/// The positions of ones, lowest first.
 pub(super) fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
-        let place = bits.trailing_zeros() as usize;
+        let index = bits.trailing_zeros() as usize;
         bits &= bits.wrapping_sub(1);
-        (place < 64).then_some(place)
+        (index < 64).then_some(index)
     })
 }
 
@@ -298,12 +298,12 @@ impl Source<'_> {
         // The block itself is always there.
         let near = self.around[MIDDLE].map_or([0; 4], |block| block.colors[at % VOXELS]);
         let stride = [1, EDGE, EDGE * EDGE][AXIS];
-        let (next, place) = if voxel[AXIS] + 1 < EDGE {
+        let (next, index) = if voxel[AXIS] + 1 < EDGE {
             (MIDDLE, at + stride)
         } else {
             (MIDDLE + [1, 3, 9][AXIS], at + stride - EDGE * stride)
         };
-        let far = self.around[next].map_or(near, |block| block.colors[place % VOXELS]);
+        let far = self.around[next].map_or(near, |block| block.colors[index % VOXELS]);
         let share = (t * 256.0) as u32;
         [0, 1, 2].map(|i| {
             let sum = u32::from(near[i]) * (256 - share) + u32::from(far[i]) * share;
@@ -314,9 +314,9 @@ impl Source<'_> {
 
 /// Growth of the distance per voxel in a direction: between both neighbors, or to the one that was
 /// seen.
-fn slope(distances: &Distances, place: usize, stride: usize) -> f32 {
+fn slope(distances: &Distances, index: usize, stride: usize) -> f32 {
     let at = |at: usize| distances[at & 1023];
-    let (lower, here, upper) = (at(place - stride), at(place), at(place + stride));
+    let (lower, here, upper) = (at(index - stride), at(index), at(index + stride));
     let or_here = |value: i16| i32::from(if value == UNSEEN { here } else { value });
     let is_whole = lower != UNSEEN && upper != UNSEEN;
     (or_here(upper) - or_here(lower)) as f32 * if is_whole { 0.5 } else { 1.0 }

@@ -105,20 +105,21 @@ pub(super) fn distorted_camera() -> FrameCamera {
     FrameCamera::new(lens, 320, 240).unwrap()
 }
 
-/// A camera at a place that looks along +x, turned to the left and up, z up.
-pub(super) fn looking(place: [f64; 3], left_rad: f64, up_rad: f64) -> Se3 {
+/// A camera at a position that looks along +x, turned to the left and up, z up.
+pub(super) fn looking(position: [f64; 3], left_rad: f64, up_rad: f64) -> Se3 {
     let forward = So3::exp(&Vector3::new(-std::f64::consts::FRAC_PI_2, 0.0, 0.0));
     let forward = So3::exp(&Vector3::new(0.0, 0.0, -std::f64::consts::FRAC_PI_2)).compose(&forward);
     let turn = So3::exp(&Vector3::new(0.0, 0.0, left_rad))
         .compose(&So3::exp(&Vector3::new(0.0, -up_rad, 0.0)));
-    Se3 { rotation: turn.compose(&forward), translation: Vector3::from(place) }
+    Se3 { rotation: turn.compose(&forward), translation: Vector3::from(position) }
 }
 
-/// A slow walk around the place, looking at the far end of the room.
+/// A slow walk around a position, looking at the far end of the room.
 pub(super) fn path(frame: usize) -> Se3 {
     let t = frame as f64 / 30.0;
-    let place = [-1.2 + 0.2 * (0.9 * t).sin(), 0.4 * (0.7 * t).sin(), 0.3 + 0.1 * (1.3 * t).cos()];
-    looking(place, 0.15 * (1.1 * t).sin(), -0.12 + 0.05 * t.sin())
+    let position =
+        [-1.2 + 0.2 * (0.9 * t).sin(), 0.4 * (0.7 * t).sin(), 0.3 + 0.1 * (1.3 * t).cos()];
+    looking(position, 0.15 * (1.1 * t).sin(), -0.12 + 0.05 * t.sin())
 }
 
 /// Depth is exact, or with a Kinect's noise from a seed.

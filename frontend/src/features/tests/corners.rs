@@ -12,7 +12,7 @@ fn every(threshold: u8) -> CornerOptions {
     CornerOptions { threshold, fallback_threshold: threshold, cell_px: 1, border_px: 4 }
 }
 
-fn places(corners: &[Corner]) -> Vec<(usize, usize)> {
+fn pixels(corners: &[Corner]) -> Vec<(usize, usize)> {
     corners.iter().map(|c| (c.u, c.v)).collect()
 }
 
@@ -78,7 +78,7 @@ fn corners_are_those_of_the_definition() {
             }
         }
         assert!(expected.len() > 10, "{} at {threshold}", expected.len());
-        assert_eq!(places(&detect(image, &every(threshold), ALL)), expected);
+        assert_eq!(pixels(&detect(image, &every(threshold), ALL)), expected);
     }
 }
 
@@ -101,12 +101,12 @@ fn the_score_is_the_smaller_eigenvalue() {
     // Two pixels left and right of the dot see a gradient of 50 along u, two along v, of 49.
     let dot = render(40, 40, |u, v| if (u, v) == (20.0, 20.0) { 100.0 } else { 0.0 });
     let found = detect(&dot, &every(20), ALL);
-    assert_eq!(places(&found), [(20, 20)]);
+    assert_eq!(pixels(&found), [(20, 20)]);
     assert!((found[0].score - 2.0 * 50.0 * 50.0 / 49.0).abs() < 1e-3, "{found:?}");
     // Three in a row: along u at columns 18, 19, 21 and 22, along v at six pixels.
     let bar = render(40, 40, |u, v| if v == 20.0 && (u - 20.0).abs() <= 1.0 { 100.0 } else { 0.0 });
     let found = detect(&bar, &every(20), ALL);
-    assert_eq!(places(&found), [(19, 20)], "the first of three that are equally strong");
+    assert_eq!(pixels(&found), [(19, 20)], "the first of three that are equally strong");
     assert!((found[0].score - 4.0 * 50.0 * 50.0 / 49.0).abs() < 1e-3, "{found:?}");
 }
 

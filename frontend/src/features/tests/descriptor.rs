@@ -8,10 +8,10 @@ use crate::image::Image;
 
 const SIZE: (usize, usize) = (320, 240);
 
-/// Corners of the plain texture that have a descriptor in both images; `place` is where they are
+/// Corners of the plain texture that have a descriptor in both images; `moved` is where they are
 /// in the second. Returns how many there are and the shares of them that are matched and that are
 /// matched rightly.
-fn rates(second: &Image<u8>, place: impl Fn(f64, f64) -> (f64, f64)) -> (usize, f64, f64) {
+fn rates(second: &Image<u8>, moved: impl Fn(f64, f64) -> (f64, f64)) -> (usize, f64, f64) {
     let first = render(SIZE.0, SIZE.1, |u, v| texture(21, u, v));
     let options = CornerOptions { cell_px: 12, ..CornerOptions::default() };
     let corners = detect(&first, &options, |_, _| true);
@@ -19,7 +19,7 @@ fn rates(second: &Image<u8>, place: impl Fn(f64, f64) -> (f64, f64)) -> (usize, 
     let mut queries = Vec::new();
     let mut candidates = Vec::new();
     for corner in corners {
-        let (u, v) = place(corner.u as f64, corner.v as f64);
+        let (u, v) = moved(corner.u as f64, corner.v as f64);
         let described =
             (from.describe(corner.u as f32, corner.v as f32), to.describe(u as f32, v as f32));
         if let (Some(query), Some(candidate)) = described {

@@ -47,8 +47,8 @@ proptest! {
                 prop_assert!(!index.remove(id));
             } else {
                 let words: Box<[u64]> = numbers.iter().flat_map(|&n| descriptor(n)).collect();
-                let places = (0..numbers.len() as u16).collect();
-                index.add(id, i64::from(k), words.clone(), places);
+                let indices = (0..numbers.len() as u16).collect();
+                index.add(id, i64::from(k), words.clone(), indices);
                 model.insert(id, words);
             }
             prop_assert_eq!(index.len(), model.len());

@@ -113,7 +113,7 @@ fn put<T: Copy>(values: &[T], ids: &[u32], all: &mut [T]) {
     }
 }
 
-/// The place of `id` among a section's, which ascend.
+/// The index of `id` among a section's, which ascend.
 fn local(ids: &[u32], id: usize) -> usize {
     ids.binary_search(&(id as u32)).unwrap_or_default()
 }

@@ -62,7 +62,8 @@ impl Separator {
             let mut first = 0;
             let mut found = Vec::with_capacity(border.len());
             for &part in border {
-                let Some((block, column, size)) = place(problem, partition, members, part) else {
+                let Some((block, column, size)) = block_of(problem, partition, members, part)
+                else {
                     return Ok(None);
                 };
                 let Some(block) = number.get(block as usize).copied().flatten() else {
@@ -204,7 +205,7 @@ impl Separator {
 }
 
 /// Block of the whole reduced system, first unknown in it and size of a part of a border.
-fn place(
+fn block_of(
     problem: &BundleProblem,
     partition: &Partition,
     members: &Members,

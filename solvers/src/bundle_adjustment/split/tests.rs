@@ -194,7 +194,7 @@ proptest! {
 
     #[test]
     fn a_message_with_damage_that_its_checksum_does_not_see_makes_no_panic(
-        place in 0.0..1.0_f64,
+        share in 0.0..1.0_f64,
         value in any::<u8>(),
         which in 0_usize..6,
     ) {
@@ -202,7 +202,7 @@ proptest! {
         for (k, request) in requests().into_iter().enumerate() {
             let mut bytes = encode(&request);
             if k == which {
-                let at = (place * bytes.len() as f64) as usize;
+                let at = (share * bytes.len() as f64) as usize;
                 bytes[at] = value;
             }
             let Ok(request) = decode::<Request>(&bytes) else { return Ok(()) };

@@ -31,12 +31,12 @@ pub(super) fn parse_cameras(
 ) -> Result<(), IoError> {
     let mut file = Binary::new(bytes, path);
     for _ in 0..file.count("camera count", CAMERA_BYTES)? {
-        let place = file.place();
+        let location = file.location();
         let id = file.u32("camera id")?;
         let number = file.u32("camera model")?;
         let Some(kind) = ColmapCameraModel::from_number(number) else {
             let (field, found) = ("camera model".to_owned(), number.to_string());
-            return Err(IoError::Malformed { place, field, found });
+            return Err(IoError::Malformed { location, field, found });
         };
         let (width, height) = (file.u64("width")?, file.u64("height")?);
         let mut parameters = vec![0.0; kind.parameter_count()];
@@ -44,7 +44,7 @@ pub(super) fn parse_cameras(
             *parameter = file.f64(format_args!("parameter[{k}]"))?;
         }
         let camera = ColmapCamera { model: kind, width, height, parameters };
-        insert((&mut model.cameras, "camera"), id, camera, place)?;
+        insert((&mut model.cameras, "camera"), id, camera, location)?;
     }
     file.end()
 }
@@ -56,7 +56,7 @@ pub(super) fn parse_points(
 ) -> Result<(), IoError> {
     let mut file = Binary::new(bytes, path);
     for _ in 0..file.count("point count", POINT_BYTES)? {
-        let place = file.place();
+        let location = file.location();
         let id = file.u64("point id")?;
         let position = file.f64s("position")?;
         let color = file.color("color")?;
@@ -67,7 +67,7 @@ pub(super) fn parse_points(
             track.push((file.u32("track image id")?, file.u32("track keypoint")?));
         }
         let point = ColmapPoint { position, color, error, track };
-        insert((&mut model.points, "point"), id, point, place)?;
+        insert((&mut model.points, "point"), id, point, location)?;
     }
     file.end()
 }
@@ -79,13 +79,13 @@ pub(super) fn parse_images(
 ) -> Result<(), IoError> {
     let mut file = Binary::new(bytes, path);
     for _ in 0..file.count("image count", IMAGE_BYTES)? {
-        let place = file.place();
+        let location = file.location();
         let id = file.u32("image id")?;
         let quaternion_wxyz = file.f64s("quaternion")?;
-        check_norm(&quaternion_wxyz, || place.clone())?;
+        check_norm(&quaternion_wxyz, || location.clone())?;
         let translation = file.f64s("translation")?;
         let camera = file.u32("camera id")?;
-        model.check_camera(camera, || place.clone())?;
+        model.check_camera(camera, || location.clone())?;
         let name = file.c_string("image name")?.to_owned();
         let count = file.count("keypoint count", KEYPOINT_BYTES)?;
         let mut keypoints = Vec::with_capacity(count);
@@ -93,11 +93,11 @@ pub(super) fn parse_images(
             let (x, y) = (file.f64("keypoint x")?, file.f64("keypoint y")?);
             let id = file.u64("keypoint point id")?;
             let point = (id != NO_POINT).then_some(id);
-            model.check_point(point, || file.place())?;
+            model.check_point(point, || file.location())?;
             keypoints.push(ColmapKeypoint { x, y, point });
         }
         let image = ColmapImage { quaternion_wxyz, translation, camera, name, keypoints };
-        insert((&mut model.images, "image"), id, image, place)?;
+        insert((&mut model.images, "image"), id, image, location)?;
     }
     file.end()
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use nalgebra::{Vector2, Vector3};
 
 use super::super::rotation::{from_xyzw, to_xyzw};
-use super::super::{IoError, Place, natural_cmp};
+use super::super::{IoError, Location, natural_cmp};
 use super::camera::PIXEL_CENTER;
 use super::{ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint};
 use crate::geometry::{LieGroup, Se3};
@@ -58,7 +58,7 @@ impl ColmapImage {
     #[must_use]
     pub fn world_from_camera(&self) -> Option<Se3> {
         let [w, x, y, z] = self.quaternion_wxyz;
-        let rotation = from_xyzw(&[x, y, z, w], || Place::record(Path::new("image"), 0)).ok()?;
+        let rotation = from_xyzw(&[x, y, z, w], || Location::record(Path::new("image"), 0)).ok()?;
         Some(Se3::new(rotation, self.translation.into()).inverse())
     }
 }
@@ -98,7 +98,7 @@ impl ColmapModel {
         point: u64,
     ) -> Result<(), IoError> {
         let unknown = |field, id| IoError::UnknownId {
-            place: Place::record(Path::new("observation"), point),
+            location: Location::record(Path::new("observation"), point),
             field,
             id,
         };
@@ -115,7 +115,7 @@ impl ColmapModel {
     /// [`IoError::UnsupportedCamera`]; for a model that was not parsed but filled by hand also
     /// [`IoError::UnknownId`] and [`IoError::BadQuaternion`], naming the record by its id.
     pub fn to_problem(&self) -> Result<ColmapProblem, IoError> {
-        let place = |id: u32| Place::record(Path::new("image"), id.into());
+        let location = |id: u32| Location::record(Path::new("image"), id.into());
         let mut out = ColmapProblem::default();
         let mut camera_index = BTreeMap::new();
         for (&id, camera) in &self.cameras {
@@ -135,12 +135,12 @@ impl ColmapModel {
         images.sort_unstable_by(|a, b| natural_cmp(&a.1.name, &b.1.name).then(a.0.cmp(&b.0)));
         for (id, image) in images {
             let norm = image.quaternion_wxyz.iter().map(|c| c * c).sum::<f64>().sqrt();
-            let bad_quaternion = || IoError::BadQuaternion { place: place(id), norm };
+            let bad_quaternion = || IoError::BadQuaternion { location: location(id), norm };
             let pose = image.world_from_camera().ok_or_else(bad_quaternion)?;
             let pose = out.problem.push_pose(pose);
             out.image_ids.push(id);
             let unknown =
-                |field, missing| IoError::UnknownId { place: place(id), field, id: missing };
+                |field, missing| IoError::UnknownId { location: location(id), field, id: missing };
             let &camera = camera_index
                 .get(&image.camera)
                 .ok_or_else(|| unknown("camera", image.camera.into()))?;
@@ -177,8 +177,8 @@ impl ColmapModel {
             }
         }
         let unknown = |field, id: u64| {
-            let place = Place::record(Path::new("problem"), id);
-            IoError::UnknownId { place, field, id: id as i64 }
+            let location = Location::record(Path::new("problem"), id);
+            IoError::UnknownId { location, field, id: id as i64 }
         };
         for (&id, pose) in image_ids.iter().zip(&problem.poses) {
             let image = self.images.get_mut(&id).ok_or_else(|| unknown("image", id.into()))?;

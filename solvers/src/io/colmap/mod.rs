@@ -17,7 +17,7 @@ pub use camera::{ColmapCamera, ColmapCameraModel};
 pub use convert::ColmapProblem;
 
 use super::text::TextWriter;
-use super::{IoError, Place, files};
+use super::{IoError, Location, files};
 
 /// How the three files are written: whole by [`ColmapModel`], or record by record for a caller that
 /// does not hold all of a model. A file is its head, then its records by rising id; nothing is checked
@@ -243,17 +243,17 @@ impl ColmapModel {
     /// Checks that every track entry names a keypoint. `path` is the file of the points.
     fn check_tracks(&self, path: &Path) -> Result<(), IoError> {
         for (&id, point) in &self.points {
-            let place = || Place::record(path, id);
+            let location = || Location::record(path, id);
             for &(image, keypoint) in &point.track {
                 let Some(observer) = self.images.get(&image) else {
-                    let (place, id) = (place(), image.into());
-                    return Err(IoError::UnknownId { place, field: "image", id });
+                    let (location, id) = (location(), image.into());
+                    return Err(IoError::UnknownId { location, field: "image", id });
                 };
                 let count = observer.keypoints.len();
                 if keypoint as usize >= count {
                     let field = format!("track keypoint of image {image}");
                     let (value, count) = (keypoint.into(), count as u64);
-                    return Err(IoError::OutOfRange { place: place(), field, value, count });
+                    return Err(IoError::OutOfRange { location: location(), field, value, count });
                 }
             }
         }
@@ -261,18 +261,22 @@ impl ColmapModel {
     }
 
     /// Refuses an image's camera that was not read.
-    fn check_camera(&self, id: u32, place: impl FnOnce() -> Place) -> Result<(), IoError> {
+    fn check_camera(&self, id: u32, location: impl FnOnce() -> Location) -> Result<(), IoError> {
         if self.cameras.contains_key(&id) {
             return Ok(());
         }
-        Err(IoError::UnknownId { place: place(), field: "camera", id: id.into() })
+        Err(IoError::UnknownId { location: location(), field: "camera", id: id.into() })
     }
 
     /// Refuses a keypoint's point that was not read.
-    fn check_point(&self, id: Option<u64>, place: impl FnOnce() -> Place) -> Result<(), IoError> {
+    fn check_point(
+        &self,
+        id: Option<u64>,
+        location: impl FnOnce() -> Location,
+    ) -> Result<(), IoError> {
         match id {
             Some(id) if !self.points.contains_key(&id) => {
-                Err(IoError::UnknownId { place: place(), field: "point", id: id as i64 })
+                Err(IoError::UnknownId { location: location(), field: "point", id: id as i64 })
             }
             Some(_) | None => Ok(()),
         }
@@ -284,10 +288,10 @@ fn insert<K: Copy + Ord + Into<u64>, V>(
     (map, field): (&mut BTreeMap<K, V>, &'static str),
     id: K,
     record: V,
-    place: Place,
+    location: Location,
 ) -> Result<(), IoError> {
     match map.insert(id, record) {
         None => Ok(()),
-        Some(_) => Err(IoError::DuplicateId { place, field, id: id.into() as i64 }),
+        Some(_) => Err(IoError::DuplicateId { location, field, id: id.into() as i64 }),
     }
 }

@@ -21,13 +21,13 @@ pub(super) fn parse_cameras(
 ) -> Result<(), IoError> {
     let mut text = Text::new(bytes, path);
     while let Some(mut line) = text.record() {
-        let place = line.place();
+        let location = line.location();
         let id: u32 = line.integer("camera id")?;
         let name = line.word().unwrap_or_default();
         let kind = std::str::from_utf8(name).ok().and_then(ColmapCameraModel::from_name);
         let Some(kind) = kind else {
             let (field, found) = ("camera model".to_owned(), excerpt(name));
-            return Err(IoError::Malformed { place, field, found });
+            return Err(IoError::Malformed { location, field, found });
         };
         let (width, height) = (line.integer("width")?, line.integer("height")?);
         let mut parameters = vec![0.0; kind.parameter_count()];
@@ -36,7 +36,7 @@ pub(super) fn parse_cameras(
         }
         line.end()?;
         let camera = ColmapCamera { model: kind, width, height, parameters };
-        insert((&mut model.cameras, "camera"), id, camera, place)?;
+        insert((&mut model.cameras, "camera"), id, camera, location)?;
     }
     Ok(())
 }
@@ -48,7 +48,7 @@ pub(super) fn parse_points(
 ) -> Result<(), IoError> {
     let mut text = Text::new(bytes, path);
     while let Some(mut line) = text.record() {
-        let place = line.place();
+        let location = line.location();
         let id: u64 = line.integer("point id")?;
         let position = line.numbers("position")?;
         let color = [line.integer("red")?, line.integer("green")?, line.integer("blue")?];
@@ -58,7 +58,7 @@ pub(super) fn parse_points(
             track.push((line.integer("track image id")?, line.integer("track keypoint")?));
         }
         let point = ColmapPoint { position, color, error, track };
-        insert((&mut model.points, "point"), id, point, place)?;
+        insert((&mut model.points, "point"), id, point, location)?;
     }
     Ok(())
 }
@@ -70,25 +70,25 @@ pub(super) fn parse_images(
 ) -> Result<(), IoError> {
     let mut text = Text::new(bytes, path);
     while let Some(mut line) = text.record() {
-        let place = line.place();
+        let location = line.location();
         let id: u32 = line.integer("image id")?;
         let quaternion_wxyz = line.numbers("quaternion")?;
-        check_norm(&quaternion_wxyz, || place.clone())?;
+        check_norm(&quaternion_wxyz, || location.clone())?;
         let translation = line.numbers("translation")?;
         let camera: u32 = line.integer("camera id")?;
-        model.check_camera(camera, || place.clone())?;
+        model.check_camera(camera, || location.clone())?;
         let name = image_name(&mut line)?;
         let mut keypoints = Vec::new();
         if let Some(mut line) = text.line() {
             while !line.is_at_end() {
                 let (x, y) = (line.number("keypoint x")?, line.number("keypoint y")?);
                 let point = keypoint_point(&mut line)?;
-                model.check_point(point, || line.place())?;
+                model.check_point(point, || line.location())?;
                 keypoints.push(ColmapKeypoint { x, y, point });
             }
         }
         let image = ColmapImage { quaternion_wxyz, translation, camera, name, keypoints };
-        insert((&mut model.images, "image"), id, image, place)?;
+        insert((&mut model.images, "image"), id, image, location)?;
     }
     Ok(())
 }
@@ -98,11 +98,11 @@ fn image_name(line: &mut Line<'_>) -> Result<String, IoError> {
     let field = || "image name".to_owned();
     let tail = line.tail();
     match std::str::from_utf8(tail) {
-        Ok("") => Err(IoError::Truncated { place: line.place(), field: field() }),
+        Ok("") => Err(IoError::Truncated { location: line.location(), field: field() }),
         Ok(name) => Ok(name.to_owned()),
         Err(_) => {
-            let (place, found) = (line.place(), excerpt(tail));
-            Err(IoError::Malformed { place, field: field(), found })
+            let (location, found) = (line.location(), excerpt(tail));
+            Err(IoError::Malformed { location, field: field(), found })
         }
     }
 }
@@ -114,8 +114,8 @@ fn keypoint_point(line: &mut Line<'_>) -> Result<Option<u64>, IoError> {
         Ok(id) => Ok(Some(id)),
         Err(_) if id == -1 => Ok(None),
         Err(_) => {
-            let (place, field) = (line.place(), "keypoint point id".to_owned());
-            Err(IoError::Malformed { place, field, found: id.to_string() })
+            let (location, field) = (line.location(), "keypoint point id".to_owned());
+            Err(IoError::Malformed { location, field, found: id.to_string() })
         }
     }
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 use nalgebra::{SMatrix, Vector3};
 
 use super::super::rotation::{from_xyzw, to_xyzw};
-use super::super::{IoError, Place};
+use super::super::{IoError, Location};
 use super::{G2oEdge, G2oFile, G2oSe2, G2oSe3, G2oVertex};
 use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, Se2, Se3};
@@ -37,7 +37,7 @@ impl G2oPose<3, 3> for Se2 {
 
 impl G2oPose<6, 7> for Se3 {
     fn from_numbers(&[x, y, z, qx, qy, qz, qw]: &[f64; 7]) -> Option<Self> {
-        let rotation = from_xyzw(&[qx, qy, qz, qw], || Place::record(Path::new(""), 0)).ok()?;
+        let rotation = from_xyzw(&[qx, qy, qz, qw], || Location::record(Path::new(""), 0)).ok()?;
         Some(Self::new(rotation, Vector3::new(x, y, z)))
     }
 
@@ -50,8 +50,8 @@ impl G2oPose<6, 7> for Se3 {
 /// The symmetric matrix of an upper triangle, row by row.
 pub(super) fn symmetric<const N: usize, const U: usize>(upper: &[f64; U]) -> SMatrix<f64, N, N> {
     let mut matrix = SMatrix::<f64, N, N>::zeros();
-    let places = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
-    for ((row, column), &entry) in places.zip(upper) {
+    let entries = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
+    for ((row, column), &entry) in entries.zip(upper) {
         matrix[(row, column)] = entry;
         matrix[(column, row)] = entry;
     }
@@ -64,8 +64,8 @@ pub(super) fn upper_triangle<const N: usize, const U: usize>(
 ) -> [f64; U] {
     let mut upper = [0.0; U];
     let pairs = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
-    for (entry, place) in upper.iter_mut().zip(pairs) {
-        *entry = information.matrix()[place];
+    for (entry, at) in upper.iter_mut().zip(pairs) {
+        *entry = information.matrix()[at];
     }
     upper
 }
@@ -122,7 +122,7 @@ impl<const P: usize, const U: usize> G2oFile<P, U> {
     ) -> Result<Self, IoError> {
         let id = |index: usize, k: usize| {
             graph.ids.get(index).copied().ok_or_else(|| IoError::OutOfRange {
-                place: Place::record(Path::new("edge"), k as u64),
+                location: Location::record(Path::new("edge"), k as u64),
                 field: "pose".to_owned(),
                 value: index as u64,
                 count: graph.ids.len() as u64,
@@ -155,8 +155,8 @@ impl<const P: usize, const U: usize> G2oFile<P, U> {
             }
             for (k, (new, old)) in vertices.iter().zip(&self.vertices).enumerate() {
                 if new.id != old.id {
-                    let place = Place::record(Path::new("vertex"), k as u64);
-                    return Err(IoError::UnknownId { place, field: "vertex", id: new.id });
+                    let location = Location::record(Path::new("vertex"), k as u64);
+                    return Err(IoError::UnknownId { location, field: "vertex", id: new.id });
                 }
             }
         }
@@ -168,19 +168,19 @@ impl<const P: usize, const U: usize> G2oFile<P, U> {
 fn to_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usize>(
     file: &G2oFile<P, U>,
 ) -> Result<PoseGraph<G, N>, IoError> {
-    let place = |kind: &str, k: usize| Place::record(Path::new(kind), k as u64);
+    let location = |kind: &str, k: usize| Location::record(Path::new(kind), k as u64);
     let element = |numbers: &[f64; P], kind: &str, k: usize| {
         let norm = numbers.iter().skip(3).map(|c| c * c).sum::<f64>().sqrt();
         G::from_numbers(numbers)
-            .ok_or_else(|| IoError::BadQuaternion { place: place(kind, k), norm })
+            .ok_or_else(|| IoError::BadQuaternion { location: location(kind, k), norm })
     };
     let mut graph = PoseGraph::new();
     let mut index_of = BTreeMap::new();
     for (k, vertex) in file.vertices.iter().enumerate() {
         let index = graph.push_pose(vertex.id, element(&vertex.pose, "vertex", k)?);
         if index_of.insert(vertex.id, index).is_some() {
-            let (place, id) = (place("vertex", k), vertex.id);
-            return Err(IoError::DuplicateId { place, field: "vertex", id });
+            let (location, id) = (location("vertex", k), vertex.id);
+            return Err(IoError::DuplicateId { location, field: "vertex", id });
         }
     }
     if !file.has_vertices() {
@@ -190,7 +190,7 @@ fn to_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usiz
         }
     }
     let find = |id: i64, kind: &str, k: usize| {
-        let unknown = || IoError::UnknownId { place: place(kind, k), field: "vertex", id };
+        let unknown = || IoError::UnknownId { location: location(kind, k), field: "vertex", id };
         index_of.get(&id).copied().ok_or_else(unknown)
     };
     for (k, &id) in file.fixed.iter().enumerate() {
@@ -200,12 +200,12 @@ fn to_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usiz
     for (k, edge) in file.edges.iter().enumerate() {
         let (i, j) = (find(edge.i, "edge", k)?, find(edge.j, "edge", k)?);
         if i == j {
-            return Err(IoError::SelfEdge { place: place("edge", k), id: edge.i });
+            return Err(IoError::SelfEdge { location: location("edge", k), id: edge.i });
         }
         let i_from_j = element(&edge.i_from_j, "edge", k)?;
         let matrix = symmetric(&edge.information);
         let information = Information::semidefinite(&matrix)
-            .map_err(|error| refused(error, place("edge", k), (edge.i, edge.j), 1))?;
+            .map_err(|error| refused(error, location("edge", k), (edge.i, edge.j), 1))?;
         graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
     }
     Ok(graph)
@@ -214,7 +214,7 @@ fn to_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usiz
 /// The refusal of the first of `count` information matrices, that of edge (i, j).
 pub(super) fn refused(
     error: InformationError,
-    first: Place,
+    first: Location,
     (i, j): (i64, i64),
     count: usize,
 ) -> IoError {
@@ -226,7 +226,7 @@ pub(super) fn refused(
         InformationError::NotFinite { .. }
         | InformationError::NotSymmetric { .. }
         | InformationError::NotPositiveDefinite => {
-            IoError::NotFinite { place: first, field: "information".to_owned() }
+            IoError::NotFinite { location: first, field: "information".to_owned() }
         }
     }
 }

@@ -104,7 +104,7 @@ impl G2oGraph {
     }
 
     /// Reads a file and puts the nearest positive semi-definite matrix (in the Frobenius norm) in the
-    /// place of each information matrix that has a negative eigenvalue; tells of these, if any.
+    /// location of each information matrix that has a negative eigenvalue; tells of these, if any.
     ///
     /// # Errors
     /// Those of [`G2oGraph::read`], but for what was repaired.

@@ -9,7 +9,7 @@ use std::path::Path;
 use super::super::error::excerpt;
 use super::super::rotation::check_norm;
 use super::super::text::{Line, Text};
-use super::super::{IoError, Place, files};
+use super::super::{IoError, Location, files};
 use super::convert::{refused, symmetric, upper_triangle};
 use super::{G2oEdge, G2oFile, G2oGraph, G2oVertex, RepairedEdges};
 use crate::information::{Information, InformationError};
@@ -56,7 +56,7 @@ pub(super) fn parse(
             b"VERTEX_SE3:QUAT" => (Tag::Vertex, true),
             b"EDGE_SE3:QUAT" => (Tag::Edge, true),
             b"FIX" => (Tag::Fix, false),
-            _ => return Err(IoError::UnknownTag { place: line.place(), tag: excerpt(word) }),
+            _ => return Err(IoError::UnknownTag { location: line.location(), tag: excerpt(word) }),
         };
         match (tag, is_se3) {
             (Tag::Fix, _) => {
@@ -85,7 +85,7 @@ pub(super) fn parse(
 }
 
 fn mixed(line: &Line<'_>, tag: &[u8], kind: &'static str) -> IoError {
-    IoError::MixedKinds { place: line.place(), kind, found: excerpt(tag) }
+    IoError::MixedKinds { location: line.location(), kind, found: excerpt(tag) }
 }
 
 impl<const P: usize, const U: usize> Builder<P, U> {
@@ -102,10 +102,10 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         let id: i64 = line.integer("vertex id")?;
         let pose = line.numbers("pose")?;
         check_pose(&pose, &line)?;
-        let place = line.place();
+        let location = line.location();
         line.end()?;
         if !self.ids.insert(id) {
-            return Err(IoError::DuplicateId { place, field: "vertex", id });
+            return Err(IoError::DuplicateId { location, field: "vertex", id });
         }
         self.file.vertices.push(G2oVertex { id, pose });
         Ok(())
@@ -115,7 +115,7 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         let i: i64 = line.integer("vertex i")?;
         let j: i64 = line.integer("vertex j")?;
         if i == j {
-            return Err(IoError::SelfEdge { place: line.place(), id: i });
+            return Err(IoError::SelfEdge { location: line.location(), id: i });
         }
         let i_from_j = line.numbers("measurement")?;
         check_pose(&i_from_j, &line)?;
@@ -141,8 +141,8 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         let edge_ends = lines().flat_map(|(e, &line)| [(e.i, line), (e.j, line)]);
         for (id, line) in edge_ends.chain(fixed.iter().copied()) {
             if !self.ids.contains(&id) {
-                let place = Place::line(path, line);
-                return Err(IoError::UnknownId { place, field: "vertex", id });
+                let location = Location::line(path, line);
+                return Err(IoError::UnknownId { location, field: "vertex", id });
             }
         }
         let repaired = self.check_information::<N>(path, indefinite)?;
@@ -165,7 +165,8 @@ impl<const P: usize, const U: usize> Builder<P, U> {
             first.get_or_insert((error, line, (edge.i, edge.j)));
             if indefinite == Indefinite::Repair {
                 let nearest = Information::nearest(&matrix);
-                let refuse = |error| refused(error, Place::line(path, line), (edge.i, edge.j), 1);
+                let refuse =
+                    |error| refused(error, Location::line(path, line), (edge.i, edge.j), 1);
                 edge.information = upper_triangle(&nearest.map_err(refuse)?);
             }
         }
@@ -176,7 +177,7 @@ impl<const P: usize, const U: usize> Builder<P, U> {
                 Indefinite::Repair,
             ) => Ok(Some(RepairedEdges { count, first_line, i, j, smallest_eigenvalue })),
             (Some((error, line, edge)), _) => {
-                Err(refused(error, Place::line(path, line), edge, count))
+                Err(refused(error, Location::line(path, line), edge, count))
             }
         }
     }
@@ -185,7 +186,7 @@ impl<const P: usize, const U: usize> Builder<P, U> {
 /// Checks the quaternion of a 3D pose.
 fn check_pose<const P: usize>(pose: &[f64; P], line: &Line<'_>) -> Result<(), IoError> {
     match pose.get(3..).and_then(|q| q.first_chunk::<4>()) {
-        Some(quaternion) => check_norm(quaternion, || line.place()),
+        Some(quaternion) => check_norm(quaternion, || line.location()),
         None => Ok(()),
     }
 }

@@ -24,7 +24,7 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Trajectory, IoError> {
         let timestamp = line.number("timestamp")? / NANOSECONDS;
         let [x, y, z] = line.numbers("position")?;
         let [qw, qx, qy, qz] = line.numbers("quaternion")?;
-        let rotation = rotation::from_xyzw(&[qx, qy, qz, qw], || line.place())?;
+        let rotation = rotation::from_xyzw(&[qx, qy, qz, qw], || line.location())?;
         trajectory.push(timestamp, Se3::new(rotation, Vector3::new(x, y, z)));
     }
     Ok(trajectory)

@@ -14,7 +14,7 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Trajectory, IoError> {
     let mut trajectory = Trajectory::default();
     while let Some(mut line) = text.record() {
         let row = [line.numbers("row 0")?, line.numbers("row 1")?, line.numbers("row 2")?];
-        let world_from_camera = pose_matrix::rigid(row, || line.place())?;
+        let world_from_camera = pose_matrix::rigid(row, || line.location())?;
         trajectory.push(trajectory.len() as f64, world_from_camera);
         line.end()?;
     }

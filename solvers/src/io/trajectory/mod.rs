@@ -133,7 +133,7 @@ impl Trajectory {
             let timestamp = line.number("timestamp")?;
             let [x, y, z] = line.numbers("translation")?;
             let quaternion = line.numbers("quaternion")?;
-            let rotation = rotation::from_xyzw(&quaternion, || line.place())?;
+            let rotation = rotation::from_xyzw(&quaternion, || line.location())?;
             trajectory.push(timestamp, Se3::new(rotation, Vector3::new(x, y, z)));
             line.end()?;
         }

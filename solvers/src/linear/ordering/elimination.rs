@@ -97,7 +97,7 @@ fn heights(sizes: &[usize], parents: &[u32], neighbors: &Lists<u32>) -> (Vec<usi
     let postorder = postorder_of(parents, 0..count as u32);
     let earlier = |k: usize| neighbors.of(k).iter().map(move |&j| (j as usize, k as u32));
     let later = Lists::new(count, (0..count).flat_map(earlier));
-    // Place of the first descendant in postorder.
+    // Position of the first descendant in postorder.
     let mut first = vec![NO_PARENT; count];
     let mut sums = vec![[0_i64; 2]; count];
     for (k, &j) in postorder.iter().enumerate() {
@@ -162,9 +162,9 @@ fn heights(sizes: &[usize], parents: &[u32], neighbors: &Lists<u32>) -> (Vec<usi
 
 /// For each position, the positions before it that it shares a stored block with.
 pub(in super::super) fn earlier_neighbors(pattern: &BlockPattern, position: &[u32]) -> Lists<u32> {
-    let places =
+    let positions =
         |i: usize| pattern.row(i).iter().map(move |&j| (position[i], position[j as usize]));
-    let pairs = (0..pattern.block_count()).flat_map(places).filter(|(p, q)| p != q);
+    let pairs = (0..pattern.block_count()).flat_map(positions).filter(|(p, q)| p != q);
     Lists::new(pattern.block_count(), pairs.map(|(p, q)| (p.max(q) as usize, p.min(q))))
 }
 

@@ -35,7 +35,7 @@ impl Level {
         let mut graph = Graph { starts: vec![0], items: Vec::new() };
         let (mut weights, mut edge_weights) = (Vec::new(), Vec::new());
         // Where each neighbor of the vertex at hand stands in its list.
-        let mut place = vec![usize::MAX; first_of.len()];
+        let mut index_in_list = vec![usize::MAX; first_of.len()];
         for (k, &v) in first_of.iter().enumerate() {
             let begin = graph.items.len();
             let mut weight = 0;
@@ -48,7 +48,7 @@ impl Level {
                     if to as usize == k {
                         continue;
                     }
-                    let slot = &mut place[to as usize];
+                    let slot = &mut index_in_list[to as usize];
                     // Positions from earlier lists do not count.
                     if *slot == usize::MAX || *slot < begin {
                         *slot = graph.items.len();

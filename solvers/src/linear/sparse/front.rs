@@ -108,7 +108,7 @@ impl Kernel for Lift<'_> {
             }
             let source_column = (run.from as usize + from) * stride;
             let target_column = (to + from - first) * target.stride;
-            let place = |row: usize, run: &Run| {
+            let offsets = |row: usize, run: &Run| {
                 (
                     source_column + top + run.from as usize + row,
                     target_column + run.to as usize + row - target.first_row,
@@ -118,7 +118,7 @@ impl Kernel for Lift<'_> {
             let mut column = from;
             while column < until {
                 let width = DIAGONAL.min(until - column);
-                let (source_at, target_at) = place(column, run);
+                let (source_at, target_at) = offsets(column, run);
                 let skipped = column - from;
                 add(
                     lanes,
@@ -129,7 +129,7 @@ impl Kernel for Lift<'_> {
                 column += width;
             }
             for below in &runs[index + 1..] {
-                let (source_at, target_at) = place(0, below);
+                let (source_at, target_at) = offsets(0, below);
                 add(
                     lanes,
                     (update, source_at, stride),

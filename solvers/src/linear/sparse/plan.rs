@@ -11,7 +11,7 @@
 use std::ops::Range;
 
 use super::shape::Shape;
-use super::supernodes::{FRONT, Placed, Supernodes, amalgamate, amalgamate_apart};
+use super::supernodes::{FRONT, Ordered, Supernodes, amalgamate, amalgamate_apart};
 use crate::linear::error::LinearError;
 use crate::linear::ordering::{Elimination, NO_PARENT, earlier_neighbors};
 use crate::linear::pattern::BlockPattern;
@@ -38,7 +38,7 @@ pub(super) struct Entry {
     pub(super) is_transposed: bool,
 }
 
-/// Rows that are contiguous in two places.
+/// Rows that are contiguous in the source and in the target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Run {
     pub(super) from: u32,
@@ -129,13 +129,17 @@ impl Plan {
         }
         let sizes: Vec<usize> = order.iter().map(|&b| pattern.sizes()[b as usize]).collect();
         let supernodes = amalgamate_apart(&sizes, elimination, FRONT, border);
-        let placed = supernodes.placed(order);
-        Self::laid_out(pattern, &supernodes, &placed).ok_or(too_large)
+        let ordered = supernodes.ordered(order);
+        Self::laid_out(pattern, &supernodes, &ordered).ok_or(too_large)
     }
 
-    /// `None` where something does not fit its index. Blocks are numbered by their place.
-    fn laid_out(pattern: &BlockPattern, supernodes: &Supernodes, placed: &Placed) -> Option<Self> {
-        let order = &placed.order;
+    /// `None` where something does not fit its index. Blocks are numbered by their position.
+    fn laid_out(
+        pattern: &BlockPattern,
+        supernodes: &Supernodes,
+        ordered: &Ordered,
+    ) -> Option<Self> {
+        let order = &ordered.order;
         let sizes: Vec<usize> = order.iter().map(|&b| pattern.sizes()[b as usize]).collect();
         let mut plan = Self::of_tree(&supernodes.parents);
         plan.scalars.reserve_exact(pattern.dimension());
@@ -147,8 +151,8 @@ impl Plan {
             plan.scalars.extend(start..start + size as u32);
             offsets.push(plan.scalars.len());
         }
-        let below = row_structure(pattern, placed, &supernodes.parents);
-        let mut stored = stored_by_node(pattern, placed);
+        let below = row_structure(pattern, ordered, &supernodes.parents);
+        let mut stored = stored_by_node(pattern, ordered);
         let mut entries = Vec::with_capacity(stored.items.len());
         // Where each block stands in the front of the node at hand.
         let mut local = vec![0u32; sizes.len()];
@@ -232,8 +236,8 @@ pub(in super::super) fn bytes(
 }
 
 /// The stored blocks by the node of their column; targets are still missing.
-fn stored_by_node(pattern: &BlockPattern, placed: &Placed) -> Lists<Stored> {
-    let Placed { position, node_of, .. } = placed;
+fn stored_by_node(pattern: &BlockPattern, ordered: &Ordered) -> Lists<Stored> {
+    let Ordered { position, node_of, .. } = ordered;
     let blocks = (0..pattern.block_count()).flat_map(|i| {
         pattern.row_range(i).zip(pattern.row(i)).map(move |(number, &j)| (number, i, j as usize))
     });
@@ -281,7 +285,7 @@ fn push_run(runs: &mut Vec<Run>, first: usize, from: usize, to: usize, length: u
 /// nodes of its earlier neighbors up to its own.
 pub(super) fn row_structure(
     pattern: &BlockPattern,
-    Placed { position, node_of, .. }: &Placed,
+    Ordered { position, node_of, .. }: &Ordered,
     parents: &[u32],
 ) -> Lists<u32> {
     let neighbors = earlier_neighbors(pattern, position);
@@ -330,7 +334,7 @@ impl Plan {
         self.longest = self.longest.max(shape.stride);
     }
 
-    /// Gives every update matrix its place.
+    /// Gives every update matrix its offset.
     pub(super) fn place_updates(&mut self) {
         let total: f64 = self.roots.iter().map(|&root| self.nodes[root as usize].flops).sum();
         let least = (BRANCH_SHARE * total).max(BRANCH_FLOPS);

@@ -30,25 +30,25 @@ pub(super) struct Supernodes {
 }
 
 /// Where blocks stand once those of joined supernodes are side by side.
-pub(super) struct Placed {
+pub(super) struct Ordered {
     /// The block that is k-th.
     pub(super) order: Vec<u32>,
-    /// The place of each block.
+    /// The position of each block.
     pub(super) position: Vec<u32>,
-    /// The supernode of each place.
+    /// The supernode of each position.
     pub(super) node_of: Vec<u32>,
 }
 
 impl Supernodes {
-    /// The places of blocks that were given in `order`.
-    pub(super) fn placed(&self, order: &[u32]) -> Placed {
+    /// The positions of blocks that were given in `order`.
+    pub(super) fn ordered(&self, order: &[u32]) -> Ordered {
         let order: Vec<u32> = self.order.iter().map(|&k| order[k as usize]).collect();
         let mut position = vec![0; order.len()];
         for (k, &block) in order.iter().enumerate() {
             position[block as usize] = k as u32;
         }
         let node_of = numbers(&self.blocks, order.len());
-        Placed { order, position, node_of }
+        Ordered { order, position, node_of }
     }
 }
 

@@ -65,8 +65,8 @@ async fn a_flipped_bit_anywhere_is_found_and_named() {
     let (mut stopped, mut mended) = (0, 0);
     for (path, bytes) in disk.files() {
         // Every byte of a head, and some of the rest.
-        let places = (0..bytes.len()).filter(|&at| at < 160 || at % 7 == 0);
-        for at in places {
+        let offsets = (0..bytes.len()).filter(|&at| at < 160 || at % 7 == 0);
+        for at in offsets {
             let disk = disk.with_file(&path, |bytes| bytes[at] ^= 1 << (at % 8));
             let what = format!("{path} at {at}");
             let store = open(&disk).unwrap_or_else(|error| panic!("{what}: {error}"));

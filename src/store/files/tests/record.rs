@@ -50,15 +50,15 @@ proptest! {
         payloads in payloads(),
         edits in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         inserted in proptest::collection::vec(any::<u8>(), 0..40),
-        place in any::<prop::sample::Index>(),
+        index in any::<prop::sample::Index>(),
     ) {
         let mut bytes = file(&payloads);
         for (at, value) in edits {
             let at = at.index(bytes.len());
             bytes[at] = value;
         }
-        let place = place.index(bytes.len());
-        bytes.splice(place..place, inserted);
+        let at = index.index(bytes.len());
+        bytes.splice(at..at, inserted);
         let found = scan(&bytes, &UID, 5);
         for record in &found.records {
             let written = usize::try_from(record.sequence - 5).ok().and_then(|k| payloads.get(k));

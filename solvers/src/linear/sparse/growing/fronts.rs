@@ -163,8 +163,8 @@ impl<const N: usize> Shared<'_, N> {
         for (k, &block) in blocks.iter().enumerate() {
             at[self.tree.local[block as usize] as usize] = (k * N) as u32;
         }
-        let places = Places { local: &self.tree.local, at };
-        work.weights = fill(self.terms, pivots, &places, shape, panel);
+        let offsets = FrontOffsets { local: &self.tree.local, at };
+        work.weights = fill(self.terms, pivots, &offsets, shape, panel);
         let made = work.children.iter().map(|&child| &below[child - first].node);
         let orphans = work.orphans.iter().filter_map(|&orphan| self.tree.node(orphan));
         let children: Vec<&Node> = made.chain(orphans).collect();
@@ -172,7 +172,7 @@ impl<const N: usize> Shared<'_, N> {
             let Target { columns, stride, first_row, first_column } = target;
             for child in &children {
                 let target = Target { columns: &mut *columns, stride, first_row, first_column };
-                self.class.run(Lift::<N> { child, places: &places, rhs: shape.rows, target });
+                self.class.run(Lift::<N> { child, offsets: &offsets, rhs: shape.rows, target });
             }
         };
         // Columns of a block stay together.
@@ -200,12 +200,12 @@ impl<const N: usize> Shared<'_, N> {
 }
 
 /// Where blocks begin in the front at hand.
-struct Places<'a> {
+struct FrontOffsets<'a> {
     local: &'a [u32],
     at: &'a [u32],
 }
 
-impl Places<'_> {
+impl FrontOffsets<'_> {
     /// [`NONE`] for a block that this front does not have.
     #[inline(always)]
     fn of(&self, block: u32) -> u32 {
@@ -218,7 +218,7 @@ impl Places<'_> {
 fn fill<const N: usize>(
     terms: &Terms<N>,
     pivots: &[u32],
-    places: &Places<'_>,
+    offsets: &FrontOffsets<'_>,
     Shape { rows, stride, .. }: Shape,
     panel: &mut [f64],
 ) -> Vec<f64> {
@@ -237,7 +237,7 @@ fn fill<const N: usize>(
             }
             // A block that this front does not have was eliminated below, one before the pivot
             // counted this term.
-            let at = places.of(other);
+            let at = offsets.of(other);
             if at == NONE || (at as usize) < first {
                 continue;
             }
@@ -257,7 +257,7 @@ fn fill<const N: usize>(
 /// Adds a child's update matrix, and its right-hand side, to those columns of a front.
 struct Lift<'a, 'p, 'c, const N: usize> {
     child: &'a Node,
-    places: &'a Places<'p>,
+    offsets: &'a FrontOffsets<'p>,
     /// The front's row of the right-hand side.
     rhs: usize,
     target: Target<'c>,
@@ -268,14 +268,14 @@ impl<const N: usize> Kernel for Lift<'_, '_, '_, N> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { child, places, rhs, mut target } = self;
+        let Self { child, offsets, rhs, mut target } = self;
         let (rows, shape) = (child.rows(), child.shape::<N>());
         let stride = shape.update_stride();
         let update = &child.update.slice()[..shape.update_size()];
         let top = shape.pivots - shape.update_row();
         let range =
             target.first_column..target.first_column + target.columns.len() / target.stride.max(1);
-        let to = |k: usize| places.of(rows[k]) as usize;
+        let to = |k: usize| offsets.of(rows[k]) as usize;
         for b in 0..rows.len() {
             let column = to(b);
             let is_here = range.contains(&column);

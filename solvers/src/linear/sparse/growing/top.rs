@@ -10,7 +10,7 @@ use super::tree::{NONE, Tree};
 use crate::linear::ordering::ordered_with_last;
 use crate::linear::pattern::BlockPattern;
 use crate::linear::sparse::plan::row_structure;
-use crate::linear::sparse::supernodes::{Placed, amalgamate};
+use crate::linear::sparse::supernodes::{Ordered, amalgamate};
 
 /// What a front costs by itself, as [`amalgamate`] counts: besides its elimination, every back
 /// substitution comes by.
@@ -19,7 +19,7 @@ const FRONT: f64 = 800.0;
 /// The part of a tree that is to be made, blocks numbered as the system numbers them.
 #[derive(Debug)]
 pub(super) struct Top {
-    /// Its blocks; the tree's `local` has their places here.
+    /// Its blocks; the tree's `local` has their indices here.
     pub(super) blocks: Vec<u32>,
     /// Its nodes in postorder.
     pub(super) nodes: Vec<Planned>,
@@ -81,7 +81,7 @@ impl Top {
     }
 }
 
-/// Plans for `blocks`, whose places in this list `tree.local` holds.
+/// Plans for `blocks`, whose indices in this list `tree.local` holds.
 fn plan<const N: usize>(
     terms: &Terms<N>,
     tree: &Tree,
@@ -114,9 +114,9 @@ fn plan<const N: usize>(
     }
     let (order, elimination) = ordered_with_last(&pattern, &is_last);
     let supernodes = amalgamate(pattern.sizes(), &elimination, FRONT);
-    let placed = supernodes.placed(&order);
-    let rows = row_structure(&pattern, &placed, &supernodes.parents);
-    let Placed { order, position, node_of } = placed;
+    let ordered = supernodes.ordered(&order);
+    let rows = row_structure(&pattern, &ordered, &supernodes.parents);
+    let Ordered { order, position, node_of } = ordered;
     let block_at = |k: u32| blocks[order[k as usize] as usize];
     let mut nodes: Vec<Planned> = supernodes
         .blocks
