@@ -21,7 +21,7 @@ mod timing;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use covis::cli::load::robot::{Measured, Schedule, Waits, drive, keyframe};
+use covis::cli::load::robot::{LandmarkMeasurement, Schedule, Waits, drive, keyframe};
 use covis::client::{Client, IngestReport};
 use covis::frontend::mapping::messages;
 use covis::service::{Server, ServerConfig};
@@ -239,13 +239,13 @@ async fn walk(url: String, robot: usize, args: Args) -> anyhow::Result<Waits> {
 /// Keyframe `index`; landmarks that it sees first come along, placed by their depth unless monocular.
 fn view(scene: &Scene, index: usize, is_known: &mut [bool], is_monocular: bool) -> v1::Keyframe {
     let pose = &scene.odometry[index];
-    let measured: Vec<Measured> = scene.observations[index]
+    let measured: Vec<LandmarkMeasurement> = scene.observations[index]
         .iter()
         .map(|observation| {
             let (landmark, m) = (observation.landmark, &observation.measurement);
             let is_new = !std::mem::replace(&mut is_known[landmark], true);
             let ray = scene.camera.unproject(&m.pixel).filter(|_| is_new && !is_monocular);
-            Measured {
+            LandmarkMeasurement {
                 landmark: landmark as i64,
                 pixel: (m.pixel, m.sigma_px),
                 depth_m: m.depth_m.filter(|_| !is_monocular),

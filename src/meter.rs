@@ -58,9 +58,9 @@ pub struct Gauge(AtomicI64);
 impl Gauge {
     /// One more, for as long as the guard lives.
     #[must_use]
-    pub fn hold(self: &Arc<Self>) -> Held {
+    pub fn hold(self: &Arc<Self>) -> GaugeGuard {
         self.0.fetch_add(1, Ordering::Relaxed);
-        Held(Arc::clone(self))
+        GaugeGuard(Arc::clone(self))
     }
 
     /// How many there are.
@@ -71,9 +71,9 @@ impl Gauge {
 
 /// Counts in a [`Gauge`] until it is dropped.
 #[derive(Debug)]
-pub struct Held(Arc<Gauge>);
+pub struct GaugeGuard(Arc<Gauge>);
 
-impl Drop for Held {
+impl Drop for GaugeGuard {
     fn drop(&mut self) {
         self.0.0.fetch_sub(1, Ordering::Relaxed);
     }

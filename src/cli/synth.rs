@@ -14,11 +14,11 @@ use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions, write_seq
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(subcommand)]
-    what: What,
+    what: Kind,
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum What {
+enum Kind {
     /// An RGB-D sequence of an indoor scene: rgb, depth, truth of the camera, masks of what moves.
     Rgbd(Rgbd),
 }
@@ -43,7 +43,7 @@ struct Rgbd {
 
 /// Draws and writes.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let What::Rgbd(Rgbd { out, scene, seed, frames, no_noise }) = &args.what;
+    let Kind::Rgbd(Rgbd { out, scene, seed, frames, no_noise }) = &args.what;
     let options =
         SequenceOptions { frames: *frames, seed: *seed, noise: !no_noise, ..Default::default() };
     let mut progress = Progress::new("frames", *frames as u64);

@@ -15,7 +15,7 @@ use super::convert::solve::{
 use super::convert::{Path, convert, count, problem};
 use super::engine::Estimate;
 use super::error::ServiceError;
-use super::optimization_service::Means;
+use super::optimization_service::SolveBudget;
 use crate::wire::v1;
 
 /// A request in the solver's terms.
@@ -36,7 +36,10 @@ impl Input {
 }
 
 /// Reads a request.
-pub(super) fn input(request: v1::SolveBundleRequest, means: &Means) -> Result<Input, ServiceError> {
+pub(super) fn input(
+    request: v1::SolveBundleRequest,
+    means: &SolveBudget,
+) -> Result<Input, ServiceError> {
     let (bundle, gauge, options) = convert(|out| {
         let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
         let options = options(request.options.as_ref(), Systems::Bundle, means.threads, None, out);

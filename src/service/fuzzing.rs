@@ -16,7 +16,7 @@ use super::convert::item::{digest, item};
 use super::convert::map::{ServerLimits, display_name, policy};
 use super::convert::{convert, ids};
 use super::engine::EngineConfig;
-use super::optimization_service::Means;
+use super::optimization_service::SolveBudget;
 use super::{bundle_solve, graph_solve, listing, optimization_service, refine, tls};
 use crate::map::{
     Cause, Change, ClientIndex, EntityId, Event, Map, MapLimits, Recall, choose_window,
@@ -183,8 +183,8 @@ fn refine_pose(mut request: v1::RefinePoseRequest) {
     }
 }
 
-fn means() -> Means {
-    Means { threads: THREADS, ceiling: EngineConfig::default().ceiling(), deadline: None }
+fn means() -> SolveBudget {
+    SolveBudget { threads: THREADS, ceiling: EngineConfig::default().ceiling(), deadline: None }
 }
 
 /// Inputs of `wire_item` and of `wire_requests` that take as much memory as `length` bytes can.

@@ -21,7 +21,7 @@ use super::convert::solve::{
 use super::convert::{Path, Violations, convert, count, small};
 use super::engine::Estimate;
 use super::error::ServiceError;
-use super::optimization_service::Means;
+use super::optimization_service::SolveBudget;
 use crate::map::{ClosureRobustness, Reason};
 use crate::wire::v1;
 use v1::solve_pose_graph_request::Graph as WireGraph;
@@ -63,7 +63,7 @@ impl Input {
 /// Reads a request.
 pub(super) fn input(
     request: v1::SolvePoseGraphRequest,
-    means: &Means,
+    means: &SolveBudget,
 ) -> Result<Input, ServiceError> {
     Ok(convert(|out| {
         let graph_loss = loss(Path::root("loss"), request.loss.as_ref(), out);

@@ -13,7 +13,7 @@ use super::convert::item::{MAX_FEATURE_DESCRIPTOR, MAX_IMAGE_DESCRIPTOR, depth, 
 use super::convert::{Path, all, convert};
 use super::engine::MapHandle;
 use super::error::ServiceError;
-use crate::loop_closing::{Located, View};
+use crate::loop_closing::{Located, QueryView};
 use crate::map::{Descriptor, DescriptorKind, Map};
 use crate::place::{DESCRIPTOR_BYTES, DESCRIPTORS, KEYFRAME_BYTES};
 use crate::wire::v1;
@@ -76,7 +76,7 @@ pub(super) fn run(
     input: &Input,
     interrupt: &Interrupt,
 ) -> Result<v1::LocalizeResponse, ServiceError> {
-    let view = View {
+    let view = QueryView {
         camera: input.camera,
         camera_id: None,
         features: input.features.clone(),

@@ -15,7 +15,7 @@ use super::convert::{Path, convert, ids, merge, update};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{Estimate, MapHandle, PoolError, Resource};
 use super::error::ServiceError;
-use super::watch::{Resolution, Wanted};
+use super::watch::{Resolution, WatcherOptions};
 use super::{export, import, listing, watch};
 use crate::map::{Map, Reason};
 use crate::wire::v1;
@@ -371,7 +371,7 @@ impl MapService for Rpcs {
                 return Err(ServiceError::field("from_revision", Reason::OutOfRange, text));
             }
             let is_other = !request.map_uid.is_empty() && request.map_uid != map.uid();
-            let wanted = Wanted {
+            let wanted = WatcherOptions {
                 from_revision: request.from_revision.filter(|_| !is_other),
                 landmarks: !request.omit_landmarks,
                 constraints: !request.omit_constraints,

@@ -38,7 +38,7 @@ const SMALL_MESSAGE: usize = 64 << 10;
 
 /// What the solve of a request may use.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Means {
+pub(super) struct SolveBudget {
     /// Threads of the pool.
     pub(super) threads: usize,
     /// The limits of a solve.
@@ -93,7 +93,7 @@ impl Rpcs {
     async fn solve_request<Q: Message + 'static, I: Send + 'static, A: Send + 'static>(
         &self,
         request: Request<Q>,
-        input: fn(Q, &Means) -> Result<I, ServiceError>,
+        input: fn(Q, &SolveBudget) -> Result<I, ServiceError>,
         estimate: fn(&I) -> Estimate,
         run: fn(I, &Interrupt) -> Result<A, ServiceError>,
     ) -> Result<A, ServiceError> {
@@ -102,7 +102,7 @@ impl Rpcs {
         let deadline = solve_deadline(&request, bytes);
         let (threads, ceiling) =
             (self.context.maps.pool().threads(), self.context.config.engine.ceiling());
-        let (request, means) = (request.into_inner(), Means { threads, ceiling, deadline });
+        let (request, means) = (request.into_inner(), SolveBudget { threads, ceiling, deadline });
         let input = read(bytes, move || input(request, &means)).await?;
         let (estimate, cancel) = (estimate(&input), CancelOnDrop::default());
         let interrupt = cancel.interrupt(deadline);

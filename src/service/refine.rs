@@ -20,7 +20,7 @@ use super::convert::solve::{Systems, add_costs, loss, options, to_summary};
 use super::convert::{Path, convert};
 use super::engine::Estimate;
 use super::error::ServiceError;
-use super::optimization_service::Means;
+use super::optimization_service::SolveBudget;
 use crate::wire::v1;
 
 /// Loss if the request names none.
@@ -39,7 +39,7 @@ pub(super) struct Input {
     prior: Option<Prior>,
     options: pose_refinement::Options,
     include_information: bool,
-    means: Means,
+    means: SolveBudget,
 }
 
 impl Input {
@@ -51,7 +51,10 @@ impl Input {
 }
 
 /// Reads a request.
-pub(super) fn input(request: v1::RefinePoseRequest, means: &Means) -> Result<Input, ServiceError> {
+pub(super) fn input(
+    request: v1::RefinePoseRequest,
+    means: &SolveBudget,
+) -> Result<Input, ServiceError> {
     Ok(convert(|out| {
         let at = Path::root("camera");
         let camera = out.required(at, request.camera.as_ref()).and_then(|m| camera(at, m, out));

@@ -32,7 +32,7 @@ const ENTITIES_PER_TURN: u32 = 1024;
 
 /// The options of a watcher.
 #[derive(Clone, Debug)]
-pub(super) struct Wanted {
+pub(super) struct WatcherOptions {
     /// The revision that it has; `None` for the full state.
     pub from_revision: Option<i64>,
     /// Whether landmarks are sent.
@@ -47,7 +47,7 @@ pub(super) struct Wanted {
 pub(super) async fn watch(
     context: &Context,
     map: &MapHandle,
-    wanted: &Wanted,
+    wanted: &WatcherOptions,
     sink: &Sink<v1::WatchMapResponse>,
 ) -> Result<(), ServiceError> {
     // Opening may take long: changes that the reader missed may be read first.
@@ -174,7 +174,7 @@ impl<'a> Parts<'a> {
 async fn send_delta(
     change: &MapChange,
     map_uid: &str,
-    wanted: &Wanted,
+    wanted: &WatcherOptions,
     sent: &mut Sent,
     sink: &Sink<v1::WatchMapResponse>,
 ) -> Result<(), ServiceError> {

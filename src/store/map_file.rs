@@ -14,7 +14,7 @@
 
 use std::io::{self, Read};
 
-use super::encoding::{EncodingError, Joined, Parts};
+use super::encoding::{EncodingError, Parts, PartsReader};
 use crate::map::{Map, Usage};
 
 /// The name of the file in an export.
@@ -152,7 +152,7 @@ pub fn read_map_file(
     if version == 0 || needs == 0 || needs > version {
         return Err(damaged(8, "there is no such version"));
     }
-    let mut joined = Joined::default();
+    let mut joined = PartsReader::default();
     let mut counted = Usage::default();
     let mut part = Vec::new();
     loop {

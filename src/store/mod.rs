@@ -55,7 +55,9 @@ pub use memory::MemoryStore;
 pub use meters::StoreMeters;
 pub use reader::{EventReader, Piece};
 #[cfg(feature = "cluster")]
-pub use replicated::{ReplicatedStore, ReplicationError, ReplicationOptions, Taken, WorkerLink};
+pub use replicated::{
+    ClaimedTask, ReplicatedStore, ReplicationError, ReplicationOptions, WorkerLink,
+};
 pub use tasks::{TaskError, TaskQueue, TaskState};
 
 /// Counts the writers that a map has had; a newer one fences the older ones.

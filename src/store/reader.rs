@@ -34,13 +34,13 @@ pub trait EventReader: Send {
 /// For a store that cannot read in pieces.
 pub(super) fn whole(mut events: Vec<Arc<Event>>, through: u64) -> Box<dyn EventReader> {
     events.retain(|event| sequence_of(event.revision) <= through);
-    Box::new(Whole(events.into_iter()))
+    Box::new(WholeReader(events.into_iter()))
 }
 
-struct Whole(std::vec::IntoIter<Arc<Event>>);
+struct WholeReader(std::vec::IntoIter<Arc<Event>>);
 
 #[async_trait]
-impl EventReader for Whole {
+impl EventReader for WholeReader {
     async fn next(&mut self) -> Result<Piece, StoreError> {
         Ok(Piece { events: self.0.by_ref().take(PIECE_EVENTS).collect(), bytes: 0 })
     }

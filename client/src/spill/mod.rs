@@ -234,7 +234,7 @@ impl Spill {
 
     /// Reads a file from its beginning up to what is no item, and takes that for its length. `None`
     /// for an empty file.
-    fn scan(&mut self) -> io::Result<Option<(Found, u64)>> {
+    fn scan(&mut self) -> io::Result<Option<(ScanResult, u64)>> {
         let bytes = self.medium.seek(SeekFrom::End(0))?;
         if bytes == 0 {
             return Ok(None);
@@ -245,7 +245,7 @@ impl Spill {
         self.medium.as_mut().take(head).read_to_end(&mut magic)?;
         let uid = if magic == MAGIC { self.read_at(head, bytes)? } else { None };
         let uid = uid.and_then(|uid| String::from_utf8(uid).ok());
-        let Some(uid) = uid else { return Ok(Some((Found { uid: None, bytes }, 0))) };
+        let Some(uid) = uid else { return Ok(Some((ScanResult { uid: None, bytes }, 0))) };
         let mut at = head + (FRAME_HEAD + uid.len()) as u64;
         (self.unread, self.length) = (at, at);
         let mut items = 0;
@@ -256,7 +256,7 @@ impl Spill {
             (self.length, self.last_sequence) = (at, item.sequence);
             items += 1;
         }
-        Ok(Some((Found { uid: Some(uid), bytes }, items)))
+        Ok(Some((ScanResult { uid: Some(uid), bytes }, items)))
     }
 
     /// The payload of the frame at `offset` in a file of `end` bytes; `None` where there is none.
@@ -310,7 +310,7 @@ impl Drop for Spill {
 }
 
 /// What a scan finds besides items.
-struct Found {
+struct ScanResult {
     /// The map, where the file's head is whole.
     uid: Option<String>,
     /// The file's size.

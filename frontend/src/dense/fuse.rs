@@ -9,7 +9,7 @@ use super::block::{Block, DISTANCE_ONE, WEIGHT_ONE};
 use super::lanes::{Lanes, WIDTH};
 use super::pixels::{DEPTH_UNITS, FACING_ONE, SLOPE_UNIT};
 use super::tiles::Range;
-use super::update::{FREE, Measured, Rules, Stored};
+use super::update::{FREE, Rules, Stored, VoxelMeasurements};
 use super::visibility::{Lens, NEAREST_M};
 
 /// Pairs of rows in a layer of a block.
@@ -155,7 +155,7 @@ impl Frame<'_> {
             let weight = l.mul(full, l.mul(oblique, l.splat(f32::from(WEIGHT_ONE))));
             let weight = l.float(l.round(l.max(weight, l.splat(self.least_weight))));
 
-            let measured = Measured { seen, distance, weight, word: high, depth_m: depth };
+            let measured = VoxelMeasurements { seen, distance, weight, word: high, depth_m: depth };
             let new = self.rules.average_or_free(l, &measured, &old, colors, &mut moved);
             let (new_distance, new_weight) = (l.round(new.distance), l.round(new.weight));
             let changed = l.either(

@@ -19,7 +19,7 @@ use super::pixels::{self, BAND, PackBand, Scratch, Source, dilated};
 use super::rays::{RayBlocks, Rays};
 use super::tiles::{TILE, Tiles};
 use super::update::Rules;
-use super::visibility::{Frustum, Lens, Seen, Visibility};
+use super::visibility::{BlockVisibility, Frustum, Lens, Visibility};
 use super::volume::{Piece, Volume, VolumeOptions};
 use crate::camera::FrameCamera;
 use crate::image::Image;
@@ -318,20 +318,27 @@ impl Kernel for FusePiece<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let Piece { keys, blocks, states } = self.piece;
-        let seen: [Seen; PIECE] = std::array::from_fn(|slot| {
+        let seen: [BlockVisibility; PIECE] = std::array::from_fn(|slot| {
             let corner = keys.get(slot).map(|&key| self.visibility.corner(key));
-            let seen = corner.map_or(Seen::No, |corner| {
+            let seen = corner.map_or(BlockVisibility::No, |corner| {
                 self.visibility.look(corner, self.tiles, self.truncation_m)
             });
             // In a block without solid voxels, seeing through it changes nothing.
             match seen {
-                Seen::Through(_) if !states[slot].is_solid => Seen::No,
-                Seen::Through(_) | Seen::Near(_) | Seen::No => seen,
+                BlockVisibility::Through(_) if !states[slot].is_solid => BlockVisibility::No,
+                BlockVisibility::Through(_) | BlockVisibility::Near(_) | BlockVisibility::No => {
+                    seen
+                }
             }
         });
         for slot in 0..blocks.len() {
-            let (Seen::Through(range) | Seen::Near(range)) = seen[slot] else { continue };
-            if let Some(next) = (slot + 1..blocks.len()).find(|&next| seen[next] != Seen::No) {
+            let (BlockVisibility::Through(range) | BlockVisibility::Near(range)) = seen[slot]
+            else {
+                continue;
+            };
+            if let Some(next) =
+                (slot + 1..blocks.len()).find(|&next| seen[next] != BlockVisibility::No)
+            {
                 lanes.prefetch(&blocks[next]);
             }
             let corner = Frame::steps(&self.visibility.lens, self.visibility.corner(keys[slot]));

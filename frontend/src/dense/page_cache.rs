@@ -83,7 +83,7 @@ pub(super) struct PageCache {
     /// Most blocks in memory.
     pub(super) ceiling: usize,
     pub(super) pages: PageFile,
-    regions: BTreeMap<Region, Standing>,
+    regions: BTreeMap<Region, RegionState>,
     /// Number of requests for regions.
     time: u64,
     pub(super) figures: PagingFigures,
@@ -91,7 +91,7 @@ pub(super) struct PageCache {
 
 /// The state of a region.
 #[derive(Debug)]
-struct Standing {
+struct RegionState {
     /// The time at which it was needed last.
     needed: u64,
     residency: Residency,
@@ -230,7 +230,7 @@ impl PageCache {
     ) -> Result<(), PageError> {
         let mut read = Vec::with_capacity(regions.len());
         for region in regions {
-            if let Some(Standing { residency: Residency::Disk(stored), .. }) =
+            if let Some(RegionState { residency: Residency::Disk(stored), .. }) =
                 self.regions.get(region)
             {
                 read.push((*region, stored.blocks, self.pages.read(&stored.page)?));
@@ -270,7 +270,7 @@ impl PageCache {
         for &key in &resident.keys()[first_new..] {
             let region = Region::of(key);
             if before.replace(region) != Some(region) {
-                let new = Standing { needed: self.time, residency: Residency::Memory };
+                let new = RegionState { needed: self.time, residency: Residency::Memory };
                 self.regions.entry(region).or_insert(new).needed = self.time;
             }
         }
@@ -315,7 +315,10 @@ impl PageCache {
         regions: &[(Region, Vec<BlockKey>)],
     ) -> Result<(), PageError> {
         let is_changed = |region: &Region| {
-            matches!(self.regions.get(region), Some(Standing { residency: Residency::Memory, .. }))
+            matches!(
+                self.regions.get(region),
+                Some(RegionState { residency: Residency::Memory, .. })
+            )
         };
         let view: &Volume = resident;
         let packed: Vec<_> = regions

@@ -32,7 +32,7 @@ const FIRST_SPREAD: i32 = 4;
 const COLOR_SLACK: i32 = 6;
 
 /// Measurements of sixteen voxels.
-pub(super) struct Measured<L: Lanes> {
+pub(super) struct VoxelMeasurements<L: Lanes> {
     /// Which voxels were seen; the numbers of the others are undefined.
     pub(super) seen: L::M,
     /// As stored, clamped to one truncation on both sides.
@@ -62,7 +62,7 @@ impl<L: Lanes> Stored<L> {
     /// Weighted mean of old and new: distance, sum of both weights, and the share of the new color in
     /// 1 / 256.
     #[inline(always)]
-    fn mean(&self, l: L, new: &Measured<L>) -> (L::F, L::F, L::I) {
+    fn mean(&self, l: L, new: &VoxelMeasurements<L>) -> (L::F, L::F, L::I) {
         let weight = l.add(self.weight, new.weight);
         let share = l.div(new.weight, weight);
         let step = l.sub(new.distance, self.distance);
@@ -110,7 +110,7 @@ impl Rules {
     pub(super) fn average_or_free<L: Lanes>(
         &self,
         l: L,
-        new: &Measured<L>,
+        new: &VoxelMeasurements<L>,
         old: &Stored<L>,
         colors: &mut [[u8; 4]; WIDTH],
         moved: &mut L::I,

@@ -51,7 +51,7 @@ pub(super) struct Visibility {
 
 /// How a frame sees a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Seen {
+pub(super) enum BlockVisibility {
     /// It lies outside the image or behind all measured depth.
     No,
     /// It lies in front of all measured depth. The range is as for `Near`.
@@ -159,14 +159,19 @@ impl Visibility {
     /// How the depth of `tiles` sees the block with this corner. Voxels are updated up to
     /// `truncation_m` behind a surface; space more than that in front of it is free.
     #[inline(always)]
-    pub(super) fn look(&self, corner: [f32; 3], tiles: &Tiles, truncation_m: f32) -> Seen {
+    pub(super) fn look(
+        &self,
+        corner: [f32; 3],
+        tiles: &Tiles,
+        truncation_m: f32,
+    ) -> BlockVisibility {
         let lens = &self.lens;
         let [x, y, z] = std::array::from_fn(|k| corner[k] + self.to_center[k]);
         let radius = RADIUS * self.voxel_m;
         // Most blocks lie outside of the cone around the image.
         let away = (x * x + y * y).sqrt() - radius;
         if z + radius < NEAREST_M || away > lens.largest_tangent * (z + radius) {
-            return Seen::No;
+            return BlockVisibility::No;
         }
         let coordinate =
             |k: usize| -> [f32; 8] { std::array::from_fn(|i| corner[k] + self.corners[k][i]) };
@@ -185,18 +190,18 @@ impl Visibility {
             top = top.max(rows[0] - margins[1]);
             bottom = bottom.min(rows[1] + margins[1]);
             if left > right || top > bottom {
-                return Seen::No;
+                return BlockVisibility::No;
             }
         }
         let [nearest, farthest] =
             tiles.range(left as usize, top as usize, right as usize, bottom as usize);
         let range = [nearest - truncation_m, farthest + truncation_m];
         if nearest_z > range[1] {
-            Seen::No
+            BlockVisibility::No
         } else if farthest_z < range[0] {
-            Seen::Through(range)
+            BlockVisibility::Through(range)
         } else {
-            Seen::Near(range)
+            BlockVisibility::Near(range)
         }
     }
 }

@@ -122,7 +122,7 @@ mod tests {
     use crate::camera::FrameCamera;
     use crate::pyramid::Pyramid;
     use crate::synthetic::{SceneName, Sequence, SequenceOptions};
-    use crate::tracking::local_matching::View;
+    use crate::tracking::local_matching::CurrentView;
 
     /// Whether the turn is preferred between two frames of a static room, half a second apart, if
     /// alignment and turn have these errors.
@@ -133,7 +133,7 @@ mod tests {
         let [last, next] = [0, 8].map(|index| sequence.frame(index));
         let (pyramid, depth_m) = (&Pyramid::new(last.gray(), 4), &last.depth_m);
         let (shutter, moving) = (Shutter::default(), None);
-        let view = View { camera: &camera, pyramid, depth_m, shutter, moving };
+        let view = CurrentView { camera: &camera, pyramid, depth_m, shutter, moving };
         let current = CurrentDepth { camera: &camera, depth_m: &next.depth_m, delay_share: 0.0 };
         let truth = sequence.world_from_camera(8).inverse().compose(&sequence.world_from_camera(0));
         let [aligned, turned] = [aligned_off, turned_off].map(|off| truth.compose(off));

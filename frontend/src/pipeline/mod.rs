@@ -39,7 +39,7 @@ use super::motion::MotionDetector;
 use super::pyramid::Pyramid;
 use super::shutter::Shutter;
 use super::tracking::keyframe::{self, NewKeyframe};
-use super::tracking::local_matching::{Match, View};
+use super::tracking::local_matching::{CurrentView, Match};
 use super::tracking::points::AlignmentPoint;
 use super::tracking::points::select_points;
 use super::tracking::rotation::SmallImage;
@@ -156,7 +156,12 @@ struct LastFrame {
 
 impl LastFrame {
     /// A frame at a pose, without its surfaces.
-    fn new(frame: &CurrentFrame<'_>, view: &View<'_>, pose: CameraPose, motion: Motion) -> Self {
+    fn new(
+        frame: &CurrentFrame<'_>,
+        view: &CurrentView<'_>,
+        pose: CameraPose,
+        motion: Motion,
+    ) -> Self {
         Self {
             timestamp_s: frame.rgbd.timestamp_s,
             small: SmallImage::new(&frame.pyramid),
@@ -216,9 +221,13 @@ impl<'a> CurrentFrame<'a> {
         self.synchronized_depth_m.as_ref().unwrap_or(&self.rgbd.depth_m)
     }
 
-    fn view<'v>(&'v self, camera: &'v FrameCamera, moving: Option<&'v Image<u8>>) -> View<'v> {
+    fn view<'v>(
+        &'v self,
+        camera: &'v FrameCamera,
+        moving: Option<&'v Image<u8>>,
+    ) -> CurrentView<'v> {
         let (pyramid, depth_m) = (&*self.pyramid, self.depth_m());
-        View { camera, pyramid, depth_m, shutter: self.shutter, moving: usable_mask(moving) }
+        CurrentView { camera, pyramid, depth_m, shutter: self.shutter, moving: usable_mask(moving) }
     }
 }
 

@@ -6,7 +6,7 @@
 use covis_solvers::geometry::Se3;
 
 use crate::local_map::LocalMap;
-use crate::tracking::local_matching::{Match, View, match_landmarks};
+use crate::tracking::local_matching::{CurrentView, Match, match_landmarks};
 use crate::tracking::refinement::{RefinedPose, refine_pose};
 
 /// Fewer matches than this do not determine a pose.
@@ -30,7 +30,11 @@ pub(super) struct SplitMatches {
 
 /// B. Matches landmarks near a pose and refines the pose. Where the start is too far off for fine
 /// patches, coarse ones are matched first.
-pub(super) fn match_map(map: &LocalMap, view: &View<'_>, start: &Se3) -> Option<MatchedPose> {
+pub(super) fn match_map(
+    map: &LocalMap,
+    view: &CurrentView<'_>,
+    start: &Se3,
+) -> Option<MatchedPose> {
     let pose = |start: &Se3, finest: usize| {
         let matches = match_landmarks(view, map, start, finest);
         let refined = refine_pose(view.camera, map, &matches, start, LEAST_INLIERS)?;
@@ -46,7 +50,7 @@ pub(super) fn match_map(map: &LocalMap, view: &View<'_>, start: &Se3) -> Option<
 }
 
 /// D. Tells the matches that move from those that stand still.
-pub(super) fn without_moving(view: &View<'_>, matches: Vec<Match>) -> SplitMatches {
+pub(super) fn without_moving(view: &CurrentView<'_>, matches: Vec<Match>) -> SplitMatches {
     let (moving, still) = matches.into_iter().partition(|found| view.is_moving(&found.pixel));
     SplitMatches { moving, still }
 }
@@ -54,7 +58,7 @@ pub(super) fn without_moving(view: &View<'_>, matches: Vec<Match>) -> SplitMatch
 /// D. The pose that fits the static matches; where few fit, the local map is matched again.
 pub(super) fn refine_static(
     map: &LocalMap,
-    view: &View<'_>,
+    view: &CurrentView<'_>,
     still: &[Match],
     start: &Se3,
 ) -> Option<RefinedPose> {

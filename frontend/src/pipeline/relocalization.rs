@@ -19,7 +19,7 @@ use crate::depth;
 use crate::features::corners::CornerOptions;
 use crate::features::descriptor::{Describer, Descriptor};
 use crate::local_map::CameraPose;
-use crate::tracking::local_matching::View;
+use crate::tracking::local_matching::CurrentView;
 use crate::tracking::surfaces::Surfaces;
 
 /// Fewer corners than this do not show where a camera is.
@@ -158,7 +158,7 @@ impl Pipeline {
 /// A lost frame as the next one needs it. No landmarks tell what moves: surfaces do.
 fn lost_frame(
     frame: &CurrentFrame<'_>,
-    view: &View<'_>,
+    view: &CurrentView<'_>,
     pose: CameraPose,
     motion: Motion,
 ) -> LastFrame {
@@ -167,7 +167,7 @@ fn lost_frame(
 }
 
 /// The corners of a frame that lie on surfaces.
-fn features(view: &View<'_>) -> Vec<Feature> {
+fn features(view: &CurrentView<'_>) -> Vec<Feature> {
     let describer = Describer::new(view.pyramid.level(0));
     let feature = |(pixel, z): (Vector2<f64>, f64)| {
         let descriptor = describer.describe(pixel.x as f32, pixel.y as f32)?;

@@ -42,7 +42,7 @@ pub struct Sighting {
 
 /// What the camera has at one place.
 #[derive(Clone, Debug, PartialEq)]
-pub struct View {
+pub struct CorridorView {
     /// The pose as odometry has it.
     pub odom_from_camera: Se3,
     /// The points in the image.
@@ -113,9 +113,9 @@ impl Corridor {
 }
 
 impl Iterator for Corridor {
-    type Item = View;
+    type Item = CorridorView;
 
-    fn next(&mut self) -> Option<View> {
+    fn next(&mut self) -> Option<CorridorView> {
         let view = self.next;
         if view > 0 {
             self.step(view);
@@ -143,7 +143,7 @@ impl Iterator for Corridor {
         };
         let sightings = (0..self.points).filter_map(sighting).collect();
         self.next += 1;
-        Some(View { odom_from_camera: self.odom_from_camera, sightings })
+        Some(CorridorView { odom_from_camera: self.odom_from_camera, sightings })
     }
 }
 

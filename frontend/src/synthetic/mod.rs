@@ -24,7 +24,7 @@ pub use writer::{WriteError, write_sequence};
 
 use crate::image::{Image, RgbdFrame};
 use crate::input::{FrameError, FrameSource, SensorTiming};
-use render::{Picture, Surface, View};
+use render::{Picture, RenderCamera, Surface};
 use scene::Scene;
 use sensor::FrameNoise;
 
@@ -152,10 +152,10 @@ impl Sequence {
         (RgbdFrame { timestamp_s, depth_delay_s: 0.0, color, depth_m }, mask)
     }
 
-    fn view(&self, index: usize) -> View {
+    fn view(&self, index: usize) -> RenderCamera {
         let SequenceOptions { width, height, .. } = self.options;
         let world_from_camera = self.world_from_camera(index);
-        View { camera: self.camera, world_from_camera, size: (width, height) }
+        RenderCamera { camera: self.camera, world_from_camera, size: (width, height) }
     }
 
     fn mask(&self, index: usize, surfaces: &Image<Surface>) -> Image<u8> {

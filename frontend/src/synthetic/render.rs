@@ -39,14 +39,14 @@ pub(super) struct Surface {
 
 /// A camera without distortion at its pose.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
+pub(super) struct RenderCamera {
     pub(super) camera: PinholeRadialTangential,
     pub(super) world_from_camera: Se3,
     pub(super) size: (usize, usize),
 }
 
 /// A solid as one view sees it.
-struct Seen<'a> {
+struct SolidInView<'a> {
     solid: &'a Solid,
     index: u16,
     /// Rotation of a camera's direction into the solid's axes.
@@ -62,15 +62,17 @@ struct Seen<'a> {
 
 /// A scene as one view sees it.
 pub(super) struct Picture<'a> {
-    view: View,
+    view: RenderCamera,
     /// Nearest first, the room before all.
-    seen: Vec<Seen<'a>>,
+    seen: Vec<SolidInView<'a>>,
 }
 
 impl<'a> Picture<'a> {
-    pub(super) fn new(solids: &'a [Solid], view: View) -> Self {
-        let mut seen: Vec<_> =
-            (0..).zip(solids).filter_map(|(index, solid)| Seen::new(solid, index, &view)).collect();
+    pub(super) fn new(solids: &'a [Solid], view: RenderCamera) -> Self {
+        let mut seen: Vec<_> = (0..)
+            .zip(solids)
+            .filter_map(|(index, solid)| SolidInView::new(solid, index, &view))
+            .collect();
         seen.sort_unstable_by(|a, b| {
             a.nearest_m.total_cmp(&b.nearest_m).then(a.index.cmp(&b.index))
         });
@@ -122,7 +124,7 @@ impl<'a> Picture<'a> {
     fn draw<T: Copy + Send>(
         &self,
         image: &mut Image<T>,
-        pixel: impl Fn(&[&Seen<'a>], usize, usize) -> T + Sync,
+        pixel: impl Fn(&[&SolidInView<'a>], usize, usize) -> T + Sync,
     ) {
         let width = image.width();
         let bands = image.pixels_mut().par_chunks_mut(TILE * width).enumerate();
@@ -141,10 +143,10 @@ impl<'a> Picture<'a> {
     }
 
     /// The first surface behind a point of the image.
-    fn cast(&self, seen: &[&Seen<'a>], u: f64, v: f64) -> Option<Surface> {
+    fn cast(&self, seen: &[&SolidInView<'a>], u: f64, v: f64) -> Option<Surface> {
         let camera = &self.view.camera;
         let ray = Vector3::new((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0);
-        let mut first: Option<(Hit, &Seen<'a>, Vector3<f64>)> = None;
+        let mut first: Option<(Hit, &SolidInView<'a>, Vector3<f64>)> = None;
         for &candidate in seen {
             let best = first.as_ref().map_or(f64::INFINITY, |(hit, ..)| hit.t);
             if candidate.nearest_m > best {
@@ -186,9 +188,9 @@ impl<'a> Picture<'a> {
     }
 }
 
-impl<'a> Seen<'a> {
+impl<'a> SolidInView<'a> {
     /// `None` where all of it lies behind the camera.
-    fn new(solid: &'a Solid, index: u16, view: &View) -> Option<Self> {
+    fn new(solid: &'a Solid, index: u16, view: &RenderCamera) -> Option<Self> {
         let camera_from_solid = view.world_from_camera.inverse() * solid.world_from_solid;
         let corners = solid.shape.corners().map(|corner| camera_from_solid.transform(&corner));
         let depths = corners.iter().map(|corner| corner.z);

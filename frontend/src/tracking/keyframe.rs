@@ -6,7 +6,7 @@ use std::sync::Arc;
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::{Vector2, Vector3};
 
-use super::local_matching::{Match, SIGMA_PX, View};
+use super::local_matching::{CurrentView, Match, SIGMA_PX};
 use crate::depth;
 use crate::features::corners::CornerOptions;
 use crate::features::descriptor::{Describer, Descriptor};
@@ -95,7 +95,7 @@ pub fn is_due(reference: &MapKeyframe, world_from_camera: &Se3, inliers: &[Match
 /// Adds a keyframe to the map, with a landmark in each cell that has a corner and no match.
 pub fn add_keyframe(
     map: &mut LocalMap,
-    view: &View<'_>,
+    view: &CurrentView<'_>,
     pyramid: &Arc<Pyramid>,
     pose: &CameraPose,
     timestamp_s: f64,
@@ -146,7 +146,7 @@ pub fn add_keyframe(
 /// Corners with their depths, at most one in each cell without a match: only on surfaces, and where
 /// nothing moves.
 #[must_use]
-pub fn unmatched_corners(view: &View<'_>, matches: &[Match]) -> Vec<(Vector2<f64>, f64)> {
+pub fn unmatched_corners(view: &CurrentView<'_>, matches: &[Match]) -> Vec<(Vector2<f64>, f64)> {
     let gray = view.pyramid.level(0);
     let columns = gray.width().div_ceil(CELL_PX);
     let mut is_taken = vec![false; columns * gray.height().div_ceil(CELL_PX)];

@@ -66,7 +66,7 @@ impl Match {
 
 /// The current frame as the matcher sees it.
 #[derive(Clone, Copy, Debug)]
-pub struct View<'a> {
+pub struct CurrentView<'a> {
     /// Its lens.
     pub camera: &'a FrameCamera,
     /// Its image.
@@ -79,7 +79,7 @@ pub struct View<'a> {
     pub moving: Option<&'a Image<u8>>,
 }
 
-impl View<'_> {
+impl CurrentView<'_> {
     /// Whether a position shows something that moves.
     #[must_use]
     pub fn is_moving(&self, pixel: &Vector2<f64>) -> bool {
@@ -120,7 +120,7 @@ struct Candidate {
 /// Searches for the landmarks of the local map. `finest` is the finest level on which patches are
 /// searched for; coarser ones reach farther.
 pub fn match_landmarks(
-    view: &View<'_>,
+    view: &CurrentView<'_>,
     map: &LocalMap,
     world_from_camera: &Se3,
     finest: usize,
@@ -168,7 +168,7 @@ fn overlapping(camera: &FrameCamera, map: &LocalMap, camera_from_world: &Se3) ->
 
 /// The candidates of each cell, the landmark seen most often first.
 fn candidates(
-    view: &View<'_>,
+    view: &CurrentView<'_>,
     map: &LocalMap,
     local: &[usize],
     camera_from_world: &Se3,
@@ -212,7 +212,7 @@ fn spread(count: usize) -> impl Iterator<Item = usize> {
 }
 
 fn find(
-    view: &View<'_>,
+    view: &CurrentView<'_>,
     map: &LocalMap,
     candidate: &Candidate,
     world_from_camera: &Se3,

@@ -4,7 +4,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::local_matching::View;
+use super::local_matching::CurrentView;
 use crate::depth;
 use crate::image::Image;
 use crate::simd::{self, Kernel};
@@ -29,7 +29,7 @@ pub struct AlignmentPoint {
 
 /// Selects points of a frame.
 #[must_use]
-pub fn select_points(view: &View<'_>) -> Vec<AlignmentPoint> {
+pub fn select_points(view: &CurrentView<'_>) -> Vec<AlignmentPoint> {
     let mut points = Vec::new();
     for (u, v) in simd::run(Steepest { gray: view.pyramid.level(0), depth_m: view.depth_m }) {
         let pixel = Vector2::new(u as f64, v as f64);

@@ -9,7 +9,7 @@
 use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::{Vector2, Vector3};
 
-use super::local_matching::View;
+use super::local_matching::CurrentView;
 use crate::camera::FrameCamera;
 use crate::depth;
 use crate::image::Image;
@@ -45,7 +45,7 @@ pub struct CurrentDepth<'a> {
 impl Surfaces {
     /// The surfaces of a frame that do not move.
     #[must_use]
-    pub fn new(view: &View<'_>) -> Self {
+    pub fn new(view: &CurrentView<'_>) -> Self {
         let (width, height) = view.depth_m.size();
         let mut pieces = Vec::new();
         for v in (GRID / 2..height).step_by(GRID) {
@@ -76,7 +76,7 @@ impl Surfaces {
 }
 
 /// The piece of surface at a pixel, if it is flat and does not move.
-fn piece(view: &View<'_>, u: usize, v: usize) -> Option<Vector3<f64>> {
+fn piece(view: &CurrentView<'_>, u: usize, v: usize) -> Option<Vector3<f64>> {
     let at = |u: usize, v: usize| {
         let z = f64::from(depth::on_surface(view.depth_m, u, v)?);
         Some(view.shutter.ray(view.camera, &Vector2::new(u as f64, v as f64)) * z)

@@ -4,7 +4,7 @@ use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3, So3};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::alignment::{FINEST, Reference};
-use super::local_matching::View;
+use super::local_matching::CurrentView;
 use super::patch_match::WarpedPatch;
 use super::points::select_points;
 use super::rotation::SmallImage;
@@ -43,8 +43,12 @@ fn sequence(frames: usize) -> Sequence {
     Sequence::new(SceneName::Static, &options)
 }
 
-fn view<'a>(camera: &'a FrameCamera, pyramid: &'a Pyramid, depth_m: &'a Image<f32>) -> View<'a> {
-    View { camera, pyramid, depth_m, shutter: Shutter::default(), moving: None }
+fn view<'a>(
+    camera: &'a FrameCamera,
+    pyramid: &'a Pyramid,
+    depth_m: &'a Image<f32>,
+) -> CurrentView<'a> {
+    CurrentView { camera, pyramid, depth_m, shutter: Shutter::default(), moving: None }
 }
 
 #[test]

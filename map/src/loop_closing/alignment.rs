@@ -17,7 +17,7 @@ use covis_solvers::relative_motion::PointEstimate;
 use covis_solvers::similarity::{self, Pair};
 
 use super::path::{DRIFT, LEAST, TURN_BY_LENGTH};
-use super::{Located, View, locate};
+use super::{Located, QueryView, locate};
 use crate::place::{Candidate, PlaceError};
 use crate::{EntityId, Keyframe, Landmark, Link, Map, Surroundings};
 
@@ -65,7 +65,7 @@ pub struct NotAligned {
 
 /// A keyframe of the source at a place of the target.
 #[derive(Clone, Debug)]
-struct Found {
+struct AlignedKeyframe {
     link: Link,
     /// Pose of the source's keyframe in the source's world and in the target's.
     in_source: Se3,
@@ -87,7 +87,7 @@ struct Scale {
     pairs: Vec<((EntityId, EntityId), Pair)>,
 }
 
-impl Found {
+impl AlignedKeyframe {
     fn new(
         target: &Map,
         (source, keyframe): (EntityId, &Keyframe),
@@ -149,7 +149,7 @@ impl Found {
 pub fn align(
     target: &Map,
     source: &Map,
-    candidates: impl Fn(&View<'_>) -> Result<Vec<Candidate>, PlaceError>,
+    candidates: impl Fn(&QueryView<'_>) -> Result<Vec<Candidate>, PlaceError>,
     interrupt: &Interrupt,
 ) -> Result<Alignment, NotAligned> {
     let is_scaled = !source.has_metric_scale();
@@ -162,7 +162,8 @@ pub fn align(
         }
         searched += 1;
         // Calibrations of two maps are two.
-        let view = View::of_keyframe(source, keyframe).map(|view| View { camera_id: None, ..view });
+        let view = QueryView::of_keyframe(source, keyframe)
+            .map(|view| QueryView { camera_id: None, ..view });
         let Some(view) = view else { continue };
         let Ok(candidates) = candidates(&view) else { continue };
         let mut rest = candidates.as_slice();
@@ -175,12 +176,12 @@ pub fn align(
                     rest.iter().position(|candidate| candidate.keyframe == located.keyframe)?;
                 rest = &rest[at + 1..];
                 if !is_scaled {
-                    return Found::new(target, (id, keyframe), &located, None);
+                    return AlignedKeyframe::new(target, (id, keyframe), &located, None);
                 }
                 let scale = scale_at(target, source, (id, keyframe), &located, interrupt);
                 // A place that does not say how long the source's unit is says nothing.
                 if scale.is_some() {
-                    return Found::new(target, (id, keyframe), &located, scale);
+                    return AlignedKeyframe::new(target, (id, keyframe), &located, scale);
                 }
             }
         });
@@ -201,12 +202,13 @@ pub fn align(
 }
 
 /// The place that most others agree with, and these.
-fn most_agreeing(found: &[Found], meter: f64) -> Vec<Found> {
-    let mut best: Vec<&Found> = Vec::new();
+fn most_agreeing(found: &[AlignedKeyframe], meter: f64) -> Vec<AlignedKeyframe> {
+    let mut best: Vec<&AlignedKeyframe> = Vec::new();
     for one in found {
-        let is_other = |other: &&Found| other.link != one.link && one.agrees(other, meter);
+        let is_other =
+            |other: &&AlignedKeyframe| other.link != one.link && one.agrees(other, meter);
         let others = found.iter().filter(is_other);
-        let agreeing: Vec<&Found> = std::iter::once(one).chain(others).collect();
+        let agreeing: Vec<&AlignedKeyframe> = std::iter::once(one).chain(others).collect();
         if agreeing.len() > best.len() {
             best = agreeing;
         }
@@ -247,7 +249,7 @@ fn estimate(map: &Map, around: &Surroundings<'_>, landmark: EntityId) -> Option<
 }
 
 /// What all landmarks of the places say together; `None` where both maps measure lengths.
-fn joint(places: &[Found]) -> Option<Sim3> {
+fn joint(places: &[AlignedKeyframe]) -> Option<Sim3> {
     let scales = places.iter().filter_map(|found| found.scale.as_ref());
     let pairs: BTreeMap<(EntityId, EntityId), Pair> =
         scales.flat_map(|scale| scale.pairs.iter().copied()).collect();

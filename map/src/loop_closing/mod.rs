@@ -36,7 +36,7 @@ const MOST_OBSERVERS: usize = 10;
 
 /// What a camera sees.
 #[derive(Clone, Debug)]
-pub struct View<'a> {
+pub struct QueryView<'a> {
     /// The camera.
     pub camera: Camera,
     /// Its id in the map, where it is one of the map's.
@@ -49,7 +49,7 @@ pub struct View<'a> {
     pub image: Option<&'a Descriptor>,
 }
 
-impl<'a> View<'a> {
+impl<'a> QueryView<'a> {
     /// What a keyframe sees; `None` where it has no camera.
     #[must_use]
     pub fn of_keyframe(map: &Map, keyframe: &'a Keyframe) -> Option<Self> {
@@ -68,7 +68,7 @@ impl<'a> View<'a> {
         })
     }
 
-    /// The features that the index of places compares, and their indices among [`View::features`].
+    /// The features that the index of places compares, and their indices among [`QueryView::features`].
     pub fn searchable(&self) -> (Vec<usize>, Vec<place::Feature<'a>>) {
         searchable(self.descriptors.iter().copied())
     }
@@ -140,7 +140,7 @@ pub struct Located {
 #[must_use]
 pub fn locate(
     map: &Map,
-    view: &View<'_>,
+    view: &QueryView<'_>,
     candidates: &[Candidate],
     (seed, interrupt): (u64, &Interrupt),
     accept: impl Fn(EntityId, &Verified) -> Result<(), Refusal>,
@@ -180,7 +180,7 @@ fn unusable(error: &InputError) -> PlaceRefusal {
 
 fn judge_candidate(
     map: &Map,
-    view: &View<'_>,
+    view: &QueryView<'_>,
     indices: &[usize],
     (candidate, keyframe): (&Candidate, &Keyframe),
     (seed, interrupt): (u64, &Interrupt),
@@ -251,7 +251,7 @@ fn judge_candidate(
 #[must_use]
 pub fn find_loop_closure(
     map: &Map,
-    (keyframe, view): (EntityId, &View<'_>),
+    (keyframe, view): (EntityId, &QueryView<'_>),
     candidates: &[Candidate],
     interrupt: &Interrupt,
 ) -> (PlaceSearch, Option<Constraint>) {

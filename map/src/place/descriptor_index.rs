@@ -45,7 +45,7 @@ pub(super) struct Frame {
 }
 
 /// A keyframe that a query found.
-pub(super) struct Found {
+pub(super) struct FoundKeyframe {
     pub(super) keyframe: EntityId,
     /// Times of the first and the last keyframe of the island.
     pub(super) time_ns: (i64, i64),
@@ -228,7 +228,7 @@ impl DescriptorIndex {
         (voters, count): (usize, usize),
         alike: &[EntityId],
         excluded: impl Fn(EntityId) -> bool,
-    ) -> Vec<Found> {
+    ) -> Vec<FoundKeyframe> {
         let total = self.len() as f64;
         let mut votes = vec![0.0; self.frames.len()];
         let mut weights = vec![None; numbers.len()];
@@ -275,7 +275,7 @@ impl DescriptorIndex {
         numbers: &[u16],
         weights: &[f64],
         island: &Island,
-    ) -> Option<Found> {
+    ) -> Option<FoundKeyframe> {
         let frame = |at: usize| self.frames[self.order[at] as usize].as_ref();
         let best = frame(island.best)?;
         let first = frame(island.members.start)?.time_ns;
@@ -289,7 +289,7 @@ impl DescriptorIndex {
             candidate: usize::from(best.numbers[pair.b]),
             distance: pair.distance,
         });
-        (!pairs.is_empty()).then(|| Found {
+        (!pairs.is_empty()).then(|| FoundKeyframe {
             keyframe: best.id,
             time_ns: (first, last),
             score,

@@ -10,11 +10,11 @@ mod back_substitute;
 mod blocks;
 mod covisible;
 mod eliminator;
-mod held;
 mod inner_iterations;
 mod iterative;
 mod landmarks;
 mod layout;
+mod maybe_owned;
 mod observe;
 mod pose_factors;
 mod price;
@@ -42,8 +42,8 @@ use crate::problem::{BundleProblem, SolveError};
 pub use crate::simd::Class;
 
 use eliminator::Kernels;
-use held::Held;
 use layout::Layout;
+use maybe_owned::MaybeOwned;
 use system::BundleSystem;
 use variables::Variables;
 
@@ -135,7 +135,7 @@ fn run<'a>(
         let class = options.class.unwrap_or_else(Class::detect);
         let limits = Limits { ceiling: options.optimizer.ceiling, interrupt: &interrupt };
         let run = (start, &interrupt);
-        let held = Held::Borrowed(&mut *problem);
+        let held = MaybeOwned::Borrowed(&mut *problem);
         let variables = Variables::new(held, &layout, kernels, class, interrupt.clone());
         let system = BundleSystem::new(variables, options.linear_solver, limits);
         let (solve, linear_solver) = match system {
@@ -150,7 +150,7 @@ fn run<'a>(
                 (solve, linear_solver)
             }
             Err(SolveError::Interrupted) => {
-                let held = Held::Borrowed(&mut *problem);
+                let held = MaybeOwned::Borrowed(&mut *problem);
                 let mut start = Variables::new(held, &layout, kernels, class, interrupt.clone());
                 let mut start = Unmoved(start.cost());
                 let solve = minimize(&mut start, &options.optimizer, run, None, observer);

@@ -176,14 +176,14 @@ pub(super) fn eight_indices(indices: &[u32], first: usize) -> &[u32; WIDTH] {
 }
 
 /// Where the eight observations stand and what they see.
-struct Seen<L: Lanes> {
+struct GatheredInputs<L: Lanes> {
     rotation: [L::V; 9],
     point: [L::V; 3],
     parameters: [L::V; PARAMETERS],
     views: [u32; WIDTH],
 }
 
-impl<L: Lanes> Seen<L> {
+impl<L: Lanes> GatheredInputs<L> {
     #[inline(always)]
     fn points<'a>(&'a self, cameras: &'a [Camera]) -> LanePoints<'a, L> {
         let Self { point, parameters, views, .. } = self;
@@ -228,7 +228,7 @@ fn look<L: Lanes, M: LaneModel>(
     inputs: &Inputs<'_>,
     point_index: impl PointIndex,
     first: usize,
-) -> Seen<L> {
+) -> GatheredInputs<L> {
     let sorted = inputs.sorted;
     let views = eight_indices(&sorted.views, first);
     let a = gather(l, inputs.records, views, 0);
@@ -253,7 +253,7 @@ fn look<L: Lanes, M: LaneModel>(
         let c = gather(l, inputs.records, views, 2);
         parameters[4..].copy_from_slice(&c[..5]);
     }
-    Seen { rotation, point, parameters, views: *views }
+    GatheredInputs { rotation, point, parameters, views: *views }
 }
 
 /// Σ of squared whitened residuals of eight observations, before the loss.

@@ -9,9 +9,9 @@ use nalgebra::{SVector, Vector3};
 
 use super::Checkpoint;
 use super::eliminator::{Kernels, Pass};
-use super::held::Held;
 use super::inner_iterations::{INNER_STIFFNESS, POINT};
 use super::layout::{Layout, NO_BLOCK, View};
+use super::maybe_owned::MaybeOwned;
 use super::observe::{Inputs, ViewRecord, view_record};
 use super::pose_factors;
 use crate::geometry::{Camera, LieGroup, Se3};
@@ -22,7 +22,7 @@ use crate::simd::Class;
 
 /// A problem and what its passes read.
 pub(super) struct Variables<'a> {
-    pub(super) problem: Held<'a>,
+    pub(super) problem: MaybeOwned<'a>,
     pub(super) layout: Arc<Layout>,
     pub(super) kernels: Kernels,
     pub(super) class: Class,
@@ -53,7 +53,7 @@ pub(super) struct Move<'a> {
 
 impl<'a> Variables<'a> {
     pub(super) fn new(
-        problem: Held<'a>,
+        problem: MaybeOwned<'a>,
         layout: &Arc<Layout>,
         kernels: Kernels,
         class: Class,

@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector};
 
 use super::blocks::{BLOCK, marginal, symmetrize};
-use super::views::{View, orthonormalize, tracks, views};
+use super::views::{WhitenedObservation, orthonormalize, tracks, views};
 use crate::problem::{BundleProblem, SolveError};
 
 /// No diagonal entry that scales the matrix is below this share of the largest in its unit.
@@ -106,7 +106,7 @@ impl Sums {
     }
 
     /// Adds what a landmark says with the removed pose's views, less what it says without them.
-    fn add_landmark(&mut self, track: &[View], removed: usize) {
+    fn add_landmark(&mut self, track: &[WhitenedObservation], removed: usize) {
         for view in track {
             let information = view.d_pose.transpose() * view.d_pose;
             self.add_diagonal(self.slots[view.pose], &information.diagonal());
@@ -119,7 +119,11 @@ impl Sums {
     }
 
     /// Adds `sign` · JᵀQQᵀJ.
-    fn add_projection<'a>(&mut self, views: impl Iterator<Item = &'a View> + Clone, sign: f64) {
+    fn add_projection<'a>(
+        &mut self,
+        views: impl Iterator<Item = &'a WhitenedObservation> + Clone,
+        sign: f64,
+    ) {
         self.basis.clear();
         self.basis.extend(views.clone().map(|view| view.d_landmark));
         orthonormalize(&mut self.basis);

@@ -15,7 +15,7 @@ use crate::problem::{BundleProblem, Observation};
 const DEPENDENT: f64 = 1e-9;
 
 /// An observation, whitened and weighted; a plain one has a third row of zeros.
-pub(super) struct View {
+pub(super) struct WhitenedObservation {
     pub(super) landmark: usize,
     pub(super) pose: usize,
     pub(super) d_pose: SMatrix<f64, 3, 6>,
@@ -23,20 +23,20 @@ pub(super) struct View {
 }
 
 /// The usable observations of the landmarks that pose `removed` observes, by landmark.
-pub(super) fn views(problem: &BundleProblem, removed: usize) -> Vec<View> {
+pub(super) fn views(problem: &BundleProblem, removed: usize) -> Vec<WhitenedObservation> {
     let mut is_seen = vec![false; problem.landmarks.len()];
     for o in problem.observations() {
         is_seen[o.landmark as usize] |= o.pose as usize == removed;
     }
     let seen = problem.observations().filter(|o| is_seen[o.landmark as usize]);
-    let mut views: Vec<View> = seen.filter_map(|o| view(problem, &o)).collect();
+    let mut views: Vec<WhitenedObservation> = seen.filter_map(|o| view(problem, &o)).collect();
     views.sort_by_key(|view| view.landmark);
     views
 }
 
 /// The views of each landmark that both the removed pose and another one see.
-pub(super) fn tracks(views: &[View], removed: usize) -> Vec<&[View]> {
-    let is_shared = |track: &&[View]| {
+pub(super) fn tracks(views: &[WhitenedObservation], removed: usize) -> Vec<&[WhitenedObservation]> {
+    let is_shared = |track: &&[WhitenedObservation]| {
         let of_removed = track.iter().filter(|view| view.pose == removed).count();
         of_removed > 0 && of_removed < track.len()
     };
@@ -45,7 +45,7 @@ pub(super) fn tracks(views: &[View], removed: usize) -> Vec<&[View]> {
 
 /// One observation, unless its landmark is behind its camera, its loss gives it no weight or its
 /// Jacobians are not finite.
-fn view(problem: &BundleProblem, observation: &Observation) -> Option<View> {
+fn view(problem: &BundleProblem, observation: &Observation) -> Option<WhitenedObservation> {
     let (pose, landmark) = (observation.pose as usize, observation.landmark as usize);
     let (world_from_camera, point) = (&problem.poses[pose], &problem.landmarks[landmark]);
     if world_from_camera.inverse_transform(point).z <= 0.0 {
@@ -56,7 +56,7 @@ fn view(problem: &BundleProblem, observation: &Observation) -> Option<View> {
     let root = problem.observation_loss.evaluate(lin.residual.norm_squared()).weight.sqrt();
     let (d_pose, d_landmark) = (lin.d_pose * root, lin.d_landmark * root);
     let is_finite = d_pose.iter().chain(d_landmark.iter()).all(|x| x.is_finite());
-    (root > 0.0 && is_finite).then_some(View { landmark, pose, d_pose, d_landmark })
+    (root > 0.0 && is_finite).then_some(WhitenedObservation { landmark, pose, d_pose, d_landmark })
 }
 
 /// Makes the three columns of the stacked matrices orthonormal, or zero where they depend on those

@@ -12,7 +12,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::observations::{Eight, Observations, Seen, View, ViewWork};
+use super::observations::{Eight, EightResiduals, Observations, PoseObservations, ViewWork};
 use crate::geometry::Se3;
 use crate::lanes::loss::evaluate;
 use crate::lanes::models::LaneModel;
@@ -58,7 +58,13 @@ struct Terms {
 
 /// Fills `terms` and returns ρ.
 #[inline(always)]
-fn weigh<L: Lanes>(l: L, loss: &Loss, block: &Eight, seen: &Seen<L>, terms: &mut Terms) -> L::V {
+fn weigh<L: Lanes>(
+    l: L,
+    loss: &Loss,
+    block: &Eight,
+    seen: &EightResiduals<L>,
+    terms: &mut Terms,
+) -> L::V {
     let value = evaluate(l, loss, seen.squared);
     // Residuals are whitened, the projection's Jacobian is not.
     let weight = l.load(&block.weight);
@@ -231,7 +237,12 @@ impl ViewWork for Evaluate {
     type Output = Evaluation;
 
     #[inline(always)]
-    fn run<L: Lanes, M: LaneModel>(self, l: L, view: &View<'_>, model: M) -> Evaluation {
+    fn run<L: Lanes, M: LaneModel>(
+        self,
+        l: L,
+        view: &PoseObservations<'_>,
+        model: M,
+    ) -> Evaluation {
         let at = view.splat(l);
         let mut sums = Sums::new(l);
         let mut tile = [Terms::default(); TILE];

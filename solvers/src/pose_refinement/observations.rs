@@ -46,7 +46,7 @@ impl<'a> Observations<'a> {
 
     /// Does `work` with what is seen from `pose`.
     pub(super) fn run<W: ViewWork>(&self, pose: &Se3, work: W) -> W::Output {
-        let view = View { blocks: &self.blocks, pose, camera: self.camera };
+        let view = PoseObservations { blocks: &self.blocks, pose, camera: self.camera };
         self.class.run(OnView { view, work })
     }
 
@@ -95,7 +95,7 @@ fn pack(chunk: &[PointObservation], sound: &mut bool) -> Eight {
 
 /// Observations, from where and by what they are seen.
 #[derive(Clone, Copy)]
-pub(super) struct View<'a> {
+pub(super) struct PoseObservations<'a> {
     pub(super) blocks: &'a [Eight],
     pose: &'a Se3,
     camera: &'a Camera,
@@ -105,12 +105,17 @@ pub(super) struct View<'a> {
 pub(super) trait ViewWork {
     type Output;
 
-    fn run<L: Lanes, M: LaneModel>(self, l: L, view: &View<'_>, model: M) -> Self::Output;
+    fn run<L: Lanes, M: LaneModel>(
+        self,
+        l: L,
+        view: &PoseObservations<'_>,
+        model: M,
+    ) -> Self::Output;
 }
 
 /// Work on a view as a kernel.
 struct OnView<'a, W> {
-    view: View<'a>,
+    view: PoseObservations<'a>,
     work: W,
 }
 
@@ -138,7 +143,7 @@ pub(super) struct Splatted<L: Lanes> {
 }
 
 /// Eight observations from the pose.
-pub(super) struct Seen<L: Lanes> {
+pub(super) struct EightResiduals<L: Lanes> {
     /// p.
     pub(super) point: [L::V; 3],
     pub(super) projection: LaneProjection<L>,
@@ -148,7 +153,7 @@ pub(super) struct Seen<L: Lanes> {
     pub(super) squared: L::V,
 }
 
-impl View<'_> {
+impl PoseObservations<'_> {
     #[inline(always)]
     pub(super) fn splat<L: Lanes>(&self, l: L) -> Splatted<L> {
         let zero = l.splat(0.0);
@@ -175,7 +180,7 @@ impl View<'_> {
         model: M,
         at: &Splatted<L>,
         block: &Eight,
-    ) -> Seen<L> {
+    ) -> EightResiduals<L> {
         let [x, y, z] = &block.point_in_world;
         let [cx, cy, cz] = at.center;
         let (x, y, z) = (l.sub(l.load(x), cx), l.sub(l.load(y), cy), l.sub(l.load(z), cz));
@@ -193,7 +198,7 @@ impl View<'_> {
         let v = l.mul(l.sub(projection.pixel[1], l.load(&block.pixel[1])), weight);
         let depth = l.mul(l.sub(point[2], l.load(&block.depth)), depth_weight);
         let squared = l.fma(depth, depth, l.fma(v, v, l.mul(u, u)));
-        Seen { point, projection, residual: [u, v, depth], squared }
+        EightResiduals { point, projection, residual: [u, v, depth], squared }
     }
 }
 
@@ -204,7 +209,12 @@ impl ViewWork for Fit {
     type Output = (Vec<f64>, Vec<f64>);
 
     #[inline(always)]
-    fn run<L: Lanes, M: LaneModel>(self, l: L, view: &View<'_>, model: M) -> (Vec<f64>, Vec<f64>) {
+    fn run<L: Lanes, M: LaneModel>(
+        self,
+        l: L,
+        view: &PoseObservations<'_>,
+        model: M,
+    ) -> (Vec<f64>, Vec<f64>) {
         let at = view.splat(l);
         let count = view.blocks.len() * WIDTH;
         let (mut squared, mut depths) = (vec![0.0; count], vec![0.0; count]);

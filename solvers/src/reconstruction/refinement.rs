@@ -8,7 +8,7 @@ use super::adjustment::{Adjustment, adjust};
 use super::bearings::{Bearing, Bearings};
 use super::pipeline::Run;
 use super::points::{Acceptance, triangulate_all};
-use super::resection::{Seen, exact, resect};
+use super::resection::{ObservedPoint, exact, resect};
 use super::{Estimate, Options, Stage, Unplaced, frame};
 use crate::bundle_adjustment;
 use crate::factors::RelativePose;
@@ -269,12 +269,12 @@ fn resected(
     let own: Vec<&Bearing> =
         bearings.of_pose[pose].iter().map(|&index| bearings.get(index)).collect();
     let Some(camera) = own.first().map(|bearing| bearing.camera) else { return Err(0) };
-    let seen: Vec<Seen<'_>> = own
+    let seen: Vec<ObservedPoint<'_>> = own
         .into_iter()
         .filter(|bearing| bearing.camera == camera)
         .filter_map(|bearing| {
             let point = estimate.points[bearing.landmark]?;
-            Some(Seen { point: exact(point), bearing })
+            Some(ObservedPoint { point: exact(point), bearing })
         })
         .collect();
     let least = options.min_observations.max((seen.len() as f64 * LEAST_SHARE) as usize);

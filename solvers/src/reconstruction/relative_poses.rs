@@ -7,7 +7,7 @@
 use nalgebra::Matrix3;
 
 use super::bearings::Bearings;
-use super::resection::{Seen, resect};
+use super::resection::{ObservedPoint, resect};
 use super::two_views::{RayPair, two_views};
 use super::view_graph::Candidate;
 use crate::geometric_verification::Numbers;
@@ -142,7 +142,7 @@ impl Measuring<'_> {
             let along = from.ray * from.ray.transpose();
             let covariance =
                 Matrix3::identity() * across + along * (sigma * sigma - across).max(0.0);
-            seen.push(Seen { point: PointEstimate { point, covariance }, bearing: to });
+            seen.push(ObservedPoint { point: PointEstimate { point, covariance }, bearing: to });
             indices.push(*pair);
         }
         let found = resect(&self.cameras[camera], &seen, self.allowance, least, numbers).ok()?;

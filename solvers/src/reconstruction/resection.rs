@@ -24,7 +24,7 @@ const WIDE: f64 = 3.0;
 
 /// A point and how the keyframe sees it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen<'a> {
+pub(super) struct ObservedPoint<'a> {
     pub(super) point: PointEstimate,
     pub(super) bearing: &'a Bearing,
 }
@@ -43,7 +43,7 @@ pub(super) struct Resected {
 /// How many agree at best, where those are fewer than `min_inliers` or leave the pose open.
 pub(super) fn resect(
     camera: &Camera,
-    seen: &[Seen<'_>],
+    seen: &[ObservedPoint<'_>],
     allowance: f64,
     min_inliers: usize,
     numbers: &mut Numbers,
@@ -85,7 +85,12 @@ pub(super) fn resect(
 }
 
 /// The least-squares pose of what is within a gate.
-fn fitted(camera: &Camera, seen: &[Seen<'_>], pose: &Se3, gate: f64) -> Option<RelativeMotion> {
+fn fitted(
+    camera: &Camera,
+    seen: &[ObservedPoint<'_>],
+    pose: &Se3,
+    gate: f64,
+) -> Option<RelativeMotion> {
     let matches: Vec<Match> = seen
         .iter()
         .filter(|s| squared(camera, s, pose) < gate)
@@ -101,7 +106,7 @@ fn fitted(camera: &Camera, seen: &[Seen<'_>], pose: &Se3, gate: f64) -> Option<R
 
 /// χ² in the image, two degrees of freedom, with the point's own covariance as far as it spreads
 /// across the ray.
-fn squared(camera: &Camera, seen: &Seen<'_>, pose: &Se3) -> f64 {
+fn squared(camera: &Camera, seen: &ObservedPoint<'_>, pose: &Se3) -> f64 {
     let in_camera = pose.inverse_transform(&seen.point.point);
     if in_camera.z.is_nan() || in_camera.z <= 0.0 {
         return f64::INFINITY;
@@ -115,7 +120,7 @@ fn squared(camera: &Camera, seen: &Seen<'_>, pose: &Se3) -> f64 {
 }
 
 /// The gain of MSAC and how many agree.
-fn support(camera: &Camera, seen: &[Seen<'_>], pose: &Se3, gate: f64) -> (f64, usize) {
+fn support(camera: &Camera, seen: &[ObservedPoint<'_>], pose: &Se3, gate: f64) -> (f64, usize) {
     seen.iter()
         .map(|s| squared(camera, s, pose))
         .filter(|&chi2| chi2 < gate)

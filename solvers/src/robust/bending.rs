@@ -10,7 +10,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::chain::Measured;
+use super::chain::UncertainMotion;
 use crate::geometry::LieGroup;
 
 /// Most paths that are tried; a row whose end is a few standard deviations off takes four or five.
@@ -38,12 +38,12 @@ pub(super) struct Path<G, const N: usize> {
 
 impl<G: LieGroup<N>, const N: usize> Bend<G, N> {
     /// The path without noise; `way` is all steps composed.
-    pub(super) fn none(way: &Measured<G, N>) -> Self {
+    pub(super) fn none(way: &UncertainMotion<G, N>) -> Self {
         Self { end: way.motion, multiplier: SVector::zeros(), covariance: way.covariance }
     }
 
     /// That of the most probable `path` along `steps`.
-    pub(super) fn of(steps: &[Measured<G, N>], path: &Path<G, N>) -> Option<Self> {
+    pub(super) fn of(steps: &[UncertainMotion<G, N>], path: &Path<G, N>) -> Option<Self> {
         let (&end, multiplier) = path.poses.last().zip(path.multiplier)?;
         let to_end = end.inverse();
         let mut covariance = SMatrix::zeros();
@@ -59,18 +59,18 @@ impl<G: LieGroup<N>, const N: usize> Bend<G, N> {
     /// One measurement in place of all steps. With the path's end it has the χ² of the steps and its
     /// gradient: χ² = λᵀCλ is that of the residual r = Cλ, and J⁻ᵀC⁻¹J⁻¹ with J = J_r⁻¹(r) leaves r as it
     /// is, since J_r(r) r = r.
-    pub(super) fn measurement(&self) -> Measured<G, N> {
+    pub(super) fn measurement(&self) -> UncertainMotion<G, N> {
         let residual = self.covariance * self.multiplier;
         let jacobian = G::right_jacobian_inverse(&residual);
         let covariance = jacobian * self.covariance * jacobian.transpose();
-        Measured { motion: self.end.compose(&G::exp(&-residual)), covariance }
+        UncertainMotion { motion: self.end.compose(&G::exp(&-residual)), covariance }
     }
 }
 
 /// The path along `steps` whose last pose is at `end`, found from the path to an end near by; without an
 /// end that without noise.
 pub(super) fn bend<G: LieGroup<N>, const N: usize>(
-    steps: &[Measured<G, N>],
+    steps: &[UncertainMotion<G, N>],
     near: &Bend<G, N>,
     end: Option<&G>,
 ) -> Path<G, N> {
@@ -116,13 +116,13 @@ pub(super) fn bend<G: LieGroup<N>, const N: usize>(
 
 /// The poses for a multiplier in the frame of the end.
 fn path<G: LieGroup<N>, const N: usize>(
-    steps: &[Measured<G, N>],
+    steps: &[UncertainMotion<G, N>],
     to_end: &G,
     multiplier: &SVector<f64, N>,
 ) -> Vec<G> {
     let is_straight = multiplier.iter().all(|x| *x == 0.0);
     let mut at = G::identity();
-    let step = |step: &Measured<G, N>| {
+    let step = |step: &UncertainMotion<G, N>| {
         at = at.compose(&step.motion);
         if !is_straight {
             let to = to_end.compose(&at).adjoint();
@@ -142,19 +142,22 @@ mod tests {
     use crate::testing::random::{element, perturbed, seeded};
 
     /// Steps with the covariances of `sigmas`, and all of them composed.
-    fn row(count: usize, sigmas: &Vector6<f64>) -> (Vec<Measured<Se3, 6>>, Measured<Se3, 6>) {
+    fn row(
+        count: usize,
+        sigmas: &Vector6<f64>,
+    ) -> (Vec<UncertainMotion<Se3, 6>>, UncertainMotion<Se3, 6>) {
         let mut rng = seeded(7);
         let covariance = SMatrix::from_diagonal(&sigmas.component_mul(sigmas));
-        let step = |_| Measured { motion: element(&mut rng, 0.3), covariance };
-        let steps: Vec<Measured<Se3, 6>> = (0..count).map(step).collect();
-        let way = steps.iter().fold(Measured::exact(), |way, step| way.compose(step));
+        let step = |_| UncertainMotion { motion: element(&mut rng, 0.3), covariance };
+        let steps: Vec<UncertainMotion<Se3, 6>> = (0..count).map(step).collect();
+        let way = steps.iter().fold(UncertainMotion::exact(), |way, step| way.compose(step));
         (steps, way)
     }
 
     /// What each step is off between the poses.
-    fn noise(steps: &[Measured<Se3, 6>], poses: &[Se3]) -> Vec<Vector6<f64>> {
+    fn noise(steps: &[UncertainMotion<Se3, 6>], poses: &[Se3]) -> Vec<Vector6<f64>> {
         let mut at = Se3::identity();
-        let of = |(step, pose): (&Measured<Se3, 6>, &Se3)| {
+        let of = |(step, pose): (&UncertainMotion<Se3, 6>, &Se3)| {
             let found = at.inverse().compose(pose);
             at = *pose;
             step.motion.inverse().compose(&found).log()

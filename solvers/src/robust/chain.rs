@@ -13,12 +13,12 @@ use crate::problem::PoseGraph;
 
 /// A relative pose with the covariance of its right perturbation.
 #[derive(Clone, Copy)]
-pub(super) struct Measured<G, const N: usize> {
+pub(super) struct UncertainMotion<G, const N: usize> {
     pub(super) motion: G,
     pub(super) covariance: SMatrix<f64, N, N>,
 }
 
-impl<G: LieGroup<N>, const N: usize> Measured<G, N> {
+impl<G: LieGroup<N>, const N: usize> UncertainMotion<G, N> {
     pub(super) fn exact() -> Self {
         Self { motion: G::identity(), covariance: SMatrix::zeros() }
     }
@@ -68,7 +68,7 @@ struct Link {
 /// The odometry of a graph.
 pub(super) struct Chain<'a, G, const N: usize> {
     /// Of each edge.
-    measured: &'a [Option<Measured<G, N>>],
+    measured: &'a [Option<UncertainMotion<G, N>>],
     /// From each id to the next, by id.
     links: Vec<Link>,
     /// By id.
@@ -77,8 +77,11 @@ pub(super) struct Chain<'a, G, const N: usize> {
 
 impl<'a, G: LieGroup<N>, const N: usize> Chain<'a, G, N> {
     /// The first edge from each id to the next; `measured` is that of each edge.
-    pub(super) fn new(graph: &PoseGraph<G, N>, measured: &'a [Option<Measured<G, N>>]) -> Self {
-        let link = |(edge, measured): (usize, &Option<Measured<G, N>>)| {
+    pub(super) fn new(
+        graph: &PoseGraph<G, N>,
+        measured: &'a [Option<UncertainMotion<G, N>>],
+    ) -> Self {
+        let link = |(edge, measured): (usize, &Option<UncertainMotion<G, N>>)| {
             measured.as_ref()?;
             let RelativePose { i, j, .. } = graph.edges[edge];
             let (i, j) = (graph.ids[i], graph.ids[j]);
@@ -123,7 +126,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Chain<'a, G, N> {
     }
 
     /// From the lower id of a link to the higher.
-    fn step(&self, link: &Link) -> Option<Measured<G, N>> {
+    fn step(&self, link: &Link) -> Option<UncertainMotion<G, N>> {
         let measured = self.measured[link.edge]?;
         Some(if link.is_forward { measured } else { measured.inverse() })
     }
@@ -134,11 +137,11 @@ impl<'a, G: LieGroup<N>, const N: usize> Chain<'a, G, N> {
     }
 
     /// The odometry from one id to another, step by step; `None` where a step is missing.
-    pub(super) fn walk(&self, from: i64, to: i64) -> Option<Measured<G, N>> {
+    pub(super) fn walk(&self, from: i64, to: i64) -> Option<UncertainMotion<G, N>> {
         if from > to {
             return self.walk(to, from).map(|measured| measured.inverse());
         }
-        let mut walked = Measured::exact();
+        let mut walked = UncertainMotion::exact();
         for id in from..to {
             let index = self.links.binary_search_by_key(&id, |link| link.from).ok()?;
             walked = walked.compose(&self.step(&self.links[index])?);
@@ -148,7 +151,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Chain<'a, G, N> {
 
     /// The same from the ends alone. Rounding leaves an error in the covariance of about 1e-16 of that
     /// of the way from the first id.
-    pub(super) fn between(&self, from: i64, to: i64) -> Option<Measured<G, N>> {
+    pub(super) fn between(&self, from: i64, to: i64) -> Option<UncertainMotion<G, N>> {
         if from > to {
             return self.between(to, from).map(|measured| measured.inverse());
         }
@@ -159,7 +162,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Chain<'a, G, N> {
         let to_b = b.pose.inverse();
         let adjoint = to_b.adjoint();
         let covariance = adjoint * (b.covariance - a.covariance) * adjoint.transpose();
-        Some(Measured { motion: a.pose.inverse().compose(&b.pose), covariance })
+        Some(UncertainMotion { motion: a.pose.inverse().compose(&b.pose), covariance })
     }
 }
 
@@ -189,7 +192,7 @@ mod tests {
                 loss: None,
             });
         }
-        let measured = Measured::all(&graph);
+        let measured = UncertainMotion::all(&graph);
         let chain = Chain::new(&graph, &measured);
         for (from, to) in [(0, 39), (7, 30), (30, 7), (5, 5), (12, 13)] {
             let (long, short) = (chain.between(from, to).unwrap(), chain.walk(from, to).unwrap());

@@ -9,7 +9,7 @@
 //! the end the poses that were left out are put back on these paths. Solves nothing.
 
 use super::bending::{Bend, Path, bend};
-use super::chain::Measured;
+use super::chain::UncertainMotion;
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::LieGroup;
 use crate::information::Covariance;
@@ -71,8 +71,8 @@ impl Row {
     /// What each step measured, from the first pose on; `None` where an edge has no covariance.
     fn measured<'a, G: LieGroup<N>, const N: usize>(
         &'a self,
-        measured: &'a [Option<Measured<G, N>>],
-    ) -> impl Iterator<Item = Option<Measured<G, N>>> + 'a {
+        measured: &'a [Option<UncertainMotion<G, N>>],
+    ) -> impl Iterator<Item = Option<UncertainMotion<G, N>>> + 'a {
         self.steps.iter().map(|step| {
             let along = measured[step.edge]?;
             Some(if step.is_forward { along } else { along.inverse() })
@@ -85,7 +85,7 @@ pub(super) struct Contraction<G, const N: usize> {
     /// The whole graph.
     full: PoseGraph<G, N>,
     /// Of each of its edges.
-    measured: Vec<Option<Measured<G, N>>>,
+    measured: Vec<Option<UncertainMotion<G, N>>>,
     /// Its index of each pose that was kept.
     kept: Vec<usize>,
     /// Each with its most probable path to the end that was last asked for.
@@ -101,7 +101,7 @@ pub(super) struct Contraction<G, const N: usize> {
 /// less than half of the poses would go, or where a loss makes two edges more than one.
 pub(super) fn contract<G: LieGroup<N>, const N: usize>(
     graph: &mut PoseGraph<G, N>,
-    measured: Vec<Option<Measured<G, N>>>,
+    measured: Vec<Option<UncertainMotion<G, N>>>,
     closures: &mut Vec<usize>,
 ) -> Option<Contraction<G, N>> {
     let has_loss = |edge: &RelativePose<G, N>| edge.loss.unwrap_or(graph.loss) != Loss::Trivial;
@@ -142,7 +142,7 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
         loss: graph.loss,
     };
     let way = |row: Row| {
-        let mut way = Measured::exact();
+        let mut way = UncertainMotion::exact();
         for step in row.measured(&measured) {
             way = way.compose(&step?);
         }
@@ -284,8 +284,8 @@ impl<G: LieGroup<N>, const N: usize> Contraction<G, N> {
     }
 
     /// The steps of a row and the path along them between the kept poses.
-    fn bent(&self, row: &Row, near: &Bend<G, N>) -> (Vec<Measured<G, N>>, Path<G, N>) {
-        let steps: Vec<Measured<G, N>> = row.measured(&self.measured).flatten().collect();
+    fn bent(&self, row: &Row, near: &Bend<G, N>) -> (Vec<UncertainMotion<G, N>>, Path<G, N>) {
+        let steps: Vec<UncertainMotion<G, N>> = row.measured(&self.measured).flatten().collect();
         let first_from_world = self.full.poses[row.first].inverse();
         let end = row.last().map(|last| first_from_world.compose(&self.full.poses[last]));
         let path = bend(&steps, near, end.as_ref());
@@ -363,7 +363,7 @@ mod tests {
         let mut whole = graph.clone();
         let cost = solve(&mut whole);
         let (mut reduced, mut ends) = (graph.clone(), closures.clone());
-        let measured = Measured::all(&graph);
+        let measured = UncertainMotion::all(&graph);
         let contraction = contract(&mut reduced, measured, &mut ends).unwrap();
         assert_eq!((reduced.poses.len(), reduced.edges.len(), ends.len()), (9, 12, 4));
         assert_eq!(contraction.closures, closures);
@@ -376,7 +376,8 @@ mod tests {
         }
         // Measured anew, it is the same.
         let (mut reduced, mut ends) = (graph.clone(), closures);
-        let mut contraction = contract(&mut reduced, Measured::all(&graph), &mut ends).unwrap();
+        let mut contraction =
+            contract(&mut reduced, UncertainMotion::all(&graph), &mut ends).unwrap();
         reaches(&mut contraction, &mut reduced, cost);
         contraction.expand(&mut reduced);
         for (a, b) in reduced.poses.iter().zip(&whole.poses) {
@@ -389,7 +390,8 @@ mod tests {
         let (graph, closures) = walk(2000, &[(3, 1200), (400, 1990), (1000, 1999)]);
         let cost = solve(&mut graph.clone());
         let (mut reduced, mut ends) = (graph.clone(), closures);
-        let mut contraction = contract(&mut reduced, Measured::all(&graph), &mut ends).unwrap();
+        let mut contraction =
+            contract(&mut reduced, UncertainMotion::all(&graph), &mut ends).unwrap();
         let longest = contraction.rows.iter().map(|(row, _)| row.steps.len()).max();
         assert!(longest <= Some(MOST_STEPS) && contraction.rows.len() > 8, "{longest:?}");
         reaches(&mut contraction, &mut reduced, cost);
@@ -404,7 +406,7 @@ mod tests {
         let ends: Vec<(usize, usize)> = (0..110).map(|i| (i, i + 60)).collect();
         let (graph, closures) = walk(200, &ends);
         let (mut same, mut ends) = (graph.clone(), closures.clone());
-        assert!(contract(&mut same, Measured::all(&graph), &mut ends).is_none());
+        assert!(contract(&mut same, UncertainMotion::all(&graph), &mut ends).is_none());
         assert_eq!((same, ends), (graph, closures));
     }
 }

@@ -19,7 +19,7 @@ mod variance;
 
 use std::time::Instant;
 
-use chain::Measured;
+use chain::UncertainMotion;
 use contraction::{Contraction, contract};
 pub use graduated::Kernel;
 pub use positions::{PositionJudging, PositionVerdict, judge_positions};
@@ -225,7 +225,7 @@ struct Weighted<'a, G, const N: usize> {
     /// One per closure.
     weights: Vec<f64>,
     /// One per edge, until the graph is contracted.
-    measured: Vec<Option<Measured<G, N>>>,
+    measured: Vec<Option<UncertainMotion<G, N>>>,
     solves: usize,
     begin: Instant,
     interrupt: &'a Interrupt,
@@ -248,7 +248,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             graph.ids[i].abs_diff(graph.ids[j]) > 1 && judging.trusted.binary_search(&edge).is_err()
         };
         let closures: Vec<usize> = (0..graph.edges.len()).filter(is_closure).collect();
-        let measured = Measured::all(graph);
+        let measured = UncertainMotion::all(graph);
         let screened = screen(graph, &measured, &closures, threshold, interrupt);
         let held_back = |seen: &Screened| {
             let is_strained = seen.odometry_chi2.is_some_and(|chi2| chi2 > threshold);

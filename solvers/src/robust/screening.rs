@@ -8,7 +8,7 @@
 
 use nalgebra::SVector;
 
-use super::chain::{Chain, Measured};
+use super::chain::{Chain, UncertainMotion};
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::problem::PoseGraph;
@@ -21,7 +21,7 @@ const REACH: i64 = 5;
 struct Closure<G, const N: usize> {
     from: i64,
     to: i64,
-    measured: Measured<G, N>,
+    measured: UncertainMotion<G, N>,
 }
 
 /// What a closure's neighbors and the odometry say of it.
@@ -39,7 +39,7 @@ pub(super) struct Screened {
 /// unsupported.
 pub(super) fn screen<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
-    measured: &[Option<Measured<G, N>>],
+    measured: &[Option<UncertainMotion<G, N>>],
     closures: &[usize],
     threshold: f64,
     interrupt: &Interrupt,
@@ -99,7 +99,10 @@ fn agree<G: LieGroup<N>, const N: usize>(
 }
 
 /// χ² of the difference of two measurements of one motion; `None` where their covariance is singular.
-fn chi2<G: LieGroup<N>, const N: usize>(a: &Measured<G, N>, b: &Measured<G, N>) -> Option<f64> {
+fn chi2<G: LieGroup<N>, const N: usize>(
+    a: &UncertainMotion<G, N>,
+    b: &UncertainMotion<G, N>,
+) -> Option<f64> {
     let error: SVector<f64, N> = b.motion.inverse().compose(&a.motion).log();
     let factor = (a.covariance + b.covariance).cholesky()?;
     Some(error.dot(&factor.solve(&error)))

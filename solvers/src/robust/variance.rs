@@ -9,7 +9,7 @@
 
 use nalgebra::SVector;
 
-use super::chain::{Chain, Measured};
+use super::chain::{Chain, UncertainMotion};
 use crate::geometry::LieGroup;
 use crate::information::eigen;
 use crate::problem::PoseGraph;
@@ -56,7 +56,7 @@ pub fn variance_factors<G: LieGroup<N>, const N: usize>(
 ) -> Vec<VarianceFactors> {
     let measured = match groups.iter().all(Vec::is_empty) {
         true => Vec::new(),
-        false => Measured::all(graph),
+        false => UncertainMotion::all(graph),
     };
     let chain = Chain::new(graph, &measured);
     let loops = |group: &Vec<usize>| -> Vec<Loop<N>> {
@@ -71,7 +71,7 @@ fn loop_of<G: LieGroup<N>, const N: usize>(
     edge: usize,
 ) -> Option<Loop<N>> {
     let edge = graph.edges.get(edge)?;
-    let closure = Measured::of(edge)?;
+    let closure = UncertainMotion::of(edge)?;
     let odometry = chain.between(graph.ids[edge.i], graph.ids[edge.j])?;
     let error = odometry.motion.inverse().compose(&closure.motion).log();
     let root = closure.covariance.cholesky()?;

@@ -16,7 +16,7 @@ use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tonic::Code;
 
-use self::robot::{Measured, Schedule, Waits, drive, keyframe};
+use self::robot::{LandmarkMeasurement, Schedule, Waits, drive, keyframe};
 use super::choices::number;
 use super::config::Config;
 use super::connect::connect;
@@ -25,7 +25,7 @@ use super::progress::Progress;
 use super::signals::Signals;
 use crate::client::{Client, ClientError, IngestReport};
 use crate::frontend::mapping::messages;
-use crate::frontend::synthetic::corridor::{Corridor, View};
+use crate::frontend::synthetic::corridor::{Corridor, CorridorView};
 use crate::wire::v1;
 
 /// What the names of the maps begin with.
@@ -230,15 +230,15 @@ async fn send(
 }
 
 /// The keyframe of a view.
-fn message(id: usize, period_s: f64, view: &View) -> v1::Keyframe {
+fn message(id: usize, period_s: f64, view: &CorridorView) -> v1::Keyframe {
     let (camera, _) = Corridor::camera();
-    let measured: Vec<Measured> = view
+    let measured: Vec<LandmarkMeasurement> = view
         .sightings
         .iter()
         .map(|s| {
             let ray = camera.unproject(&s.pixel).filter(|_| s.is_new);
             let in_odom = |ray| view.odom_from_camera.transform(&ray);
-            Measured {
+            LandmarkMeasurement {
                 landmark: s.landmark as i64,
                 pixel: (s.pixel, Corridor::sigma_px()),
                 depth_m: Some((s.depth_m, s.sigma_depth_m)),

@@ -19,7 +19,7 @@ use crate::wire::v1;
 
 /// What a robot measured of a landmark.
 #[derive(Clone, Debug)]
-pub struct Measured {
+pub struct LandmarkMeasurement {
     /// The landmark's id.
     pub landmark: i64,
     /// Where it was seen, and the deviation, px.
@@ -37,7 +37,7 @@ pub fn keyframe(
     id: i64,
     time_s: f64,
     world_from_camera: &Se3,
-    measured: &[Measured],
+    measured: &[LandmarkMeasurement],
 ) -> v1::Keyframe {
     let pose = Some(rigid(world_from_camera));
     let new = measured.iter().filter(|m| m.is_new).map(|m| v1::Landmark {

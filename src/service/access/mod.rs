@@ -56,18 +56,18 @@ pub(super) struct Access {
     jwt: Option<JwtOptions>,
     clock: Clock,
     /// Open streams are notified when it changes.
-    known: watch::Sender<Arc<Known>>,
+    known: watch::Sender<Arc<CredentialFiles>>,
     refusals: Refusals,
 }
 
 /// The contents of the files.
 #[derive(Debug)]
-pub(super) struct Known {
+pub(super) struct CredentialFiles {
     tokens: Option<Tokens>,
     keys: Option<Keys>,
 }
 
-impl Known {
+impl CredentialFiles {
     fn read(tokens: Option<&PathBuf>, jwt: Option<&JwtOptions>) -> Result<Arc<Self>, AccessError> {
         let tokens = tokens.map(|path| Tokens::read(path)).transpose()?;
         let keys = jwt.map(|jwt| Keys::read(&jwt.jwks)).transpose()?;
@@ -79,7 +79,7 @@ impl Access {
     /// Reads the files, if there are any.
     pub(super) fn new(config: &ServerConfig) -> Result<Self, AccessError> {
         let (tokens, jwt) = (config.tokens.clone(), config.jwt.clone());
-        let (known, _) = watch::channel(Known::read(tokens.as_ref(), jwt.as_ref())?);
+        let (known, _) = watch::channel(CredentialFiles::read(tokens.as_ref(), jwt.as_ref())?);
         let (clock, refusals) = (config.clock.clone(), Refusals::default());
         Ok(Self { tokens, jwt, clock, known, refusals })
     }
@@ -96,16 +96,16 @@ impl Access {
     }
 
     /// Reads the files again; nothing changes before [`Access::put`].
-    pub(super) fn read(&self) -> Result<Arc<Known>, AccessError> {
-        Known::read(self.tokens.as_ref(), self.jwt.as_ref())
+    pub(super) fn read(&self) -> Result<Arc<CredentialFiles>, AccessError> {
+        CredentialFiles::read(self.tokens.as_ref(), self.jwt.as_ref())
     }
 
     /// From now on only these tokens and keys are known.
-    pub(super) fn put(&self, known: Arc<Known>) {
+    pub(super) fn put(&self, known: Arc<CredentialFiles>) {
         self.known.send_replace(known);
     }
 
-    fn known(&self) -> Arc<Known> {
+    fn known(&self) -> Arc<CredentialFiles> {
         Arc::clone(&self.known.borrow())
     }
 

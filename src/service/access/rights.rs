@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use super::jwks::Key;
-use super::{Access, Caller, EXPIRED, Known, UNKNOWN, audit};
+use super::{Access, Caller, CredentialFiles, EXPIRED, UNKNOWN, audit};
 use crate::service::error::ServiceError;
 
 /// The proof that a caller presented.
@@ -63,7 +63,7 @@ impl Access {
     }
 }
 
-fn still_admits(known: &Known, caller: &Caller) -> Result<(), ServiceError> {
+fn still_admits(known: &CredentialFiles, caller: &Caller) -> Result<(), ServiceError> {
     match caller.proof() {
         Proof::Nothing => Ok(()),
         Proof::Listed(digest) => {

@@ -26,7 +26,7 @@ use super::{
     Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, MapUpdate,
     OptimizeOptions, OptimizeOutcome, SolveStep, Watch,
 };
-use crate::loop_closing::{Located, View, locate};
+use crate::loop_closing::{Located, QueryView, locate};
 use crate::map::{GraphPairs, GraphProblem, Map, PlaceCandidate, RequestId, measured_graph};
 use crate::store::{Durability, Flushed, Store, StoreError};
 use crate::sync::Mutex;
@@ -304,7 +304,7 @@ impl MapHandle {
     pub fn locate(
         &self,
         map: &Map,
-        view: &View<'_>,
+        view: &QueryView<'_>,
         interrupt: &Interrupt,
     ) -> Result<(Vec<PlaceCandidate>, Option<Located>), EngineError> {
         if !map.policy().place_recognition {

@@ -51,7 +51,7 @@ pub(super) enum Admission {
 
 struct Stream {
     /// Counted as open until the caller learns of the end.
-    _open: crate::meter::Held,
+    _open: crate::meter::GaugeGuard,
     epoch: i64,
     lock_step: bool,
     finishing: bool,

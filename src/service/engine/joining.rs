@@ -16,7 +16,7 @@ use crate::map::{Change, ClientIndex, Link, Map, MergeError, MergedClient, Usage
 use crate::store::{Epoch, Flushed, StoreError};
 
 /// A map that has left another one, as the store has made it.
-pub(super) struct Left {
+pub(super) struct SeparatedMap {
     /// The other one, without it.
     pub(super) map: MapInfo,
     pub(super) content: Arc<Map>,
@@ -107,7 +107,7 @@ impl Actor {
     }
 
     /// Makes a map of what came with a merge, and lets go of it.
-    pub(super) async fn take_out(&mut self, name: String) -> Result<Left, EngineError> {
+    pub(super) async fn take_out(&mut self, name: String) -> Result<SeparatedMap, EngineError> {
         self.check_open()?;
         let wanted = name.clone();
         let content = self.compute(move |map| map.taken_out(&wanted)).await;
@@ -139,6 +139,6 @@ impl Actor {
         }
         clients.into_iter().for_each(|client| self.solving.schedule.forget(client));
         self.trigger_own_closures().await;
-        Ok(Left { map: self.info(), content, epoch, flushed })
+        Ok(SeparatedMap { map: self.info(), content, epoch, flushed })
     }
 }

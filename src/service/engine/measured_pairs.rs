@@ -35,10 +35,10 @@ struct Entry {
 
 /// The measurements of a map.
 #[derive(Debug, Default)]
-pub(super) struct MeasuredPairs(Mutex<Known>);
+pub(super) struct MeasuredPairs(Mutex<Measurements>);
 
 #[derive(Debug, Default)]
-struct Known {
+struct Measurements {
     entries: HashMap<Pair, Entry>,
     /// The keyframes that a keyframe has entries with.
     partners: HashMap<EntityId, Vec<EntityId>>,
@@ -54,7 +54,7 @@ struct Known {
     newest: BTreeMap<ClientIndex, (i64, EntityId)>,
 }
 
-impl Known {
+impl Measurements {
     /// The revision of the last change of what a pair's measurement is made of, as far as it is known.
     fn newest_change(&self, pair: Pair) -> i64 {
         let changed = |id| self.changed.get(&id).copied().unwrap_or(0);
@@ -171,7 +171,7 @@ impl Unmeasured {
 }
 
 impl MeasuredPairs {
-    fn known(&self) -> MutexGuard<'_, Known> {
+    fn known(&self) -> MutexGuard<'_, Measurements> {
         // An entry is inserted whole or not at all.
         self.0.lock()
     }

@@ -23,12 +23,12 @@ use covis_solvers::problem::SolveError;
 use futures_util::FutureExt;
 
 use super::error::report_bug;
-use super::joining::{Left, check_room};
+use super::joining::{SeparatedMap, check_room};
 use super::maps::{Claim, run_to_end};
 use super::opening::{Start, uid};
 use super::pool::{Estimate, PoolError};
 use super::{EngineError, MapHandle, MapInfo, Maps, Resource};
-use crate::loop_closing::{View, align};
+use crate::loop_closing::{QueryView, align};
 use crate::map::{EntityId, Link, Map, MergeError, MergedMap};
 
 /// A request to merge one map into another.
@@ -197,8 +197,9 @@ impl Maps {
                     let (map, error) = (map.clone(), MergeError::OnlySourceIsMetric);
                     return Some(Err(EngineError::CannotMerge { map, error }));
                 }
-                let candidates =
-                    |view: &View<'_>| places.candidates(of_target, view, interrupt, &|_| false);
+                let candidates = |view: &QueryView<'_>| {
+                    places.candidates(of_target, view, interrupt, &|_| false)
+                };
                 let aligned = align(of_target, of_source, candidates, interrupt);
                 Some(match aligned {
                     _ if interrupt.is_due() => Err(EngineError::Solve(SolveError::Interrupted)),
@@ -312,7 +313,7 @@ impl Maps {
         let reservation = self.tenant(&name).reserve(Resource::Maps, 1)?;
         let taken = name.clone();
         let left = to.call(|actor| actor.take_out(taken).boxed()).await??;
-        let Left { map, content, epoch, flushed } = left;
+        let SeparatedMap { map, content, epoch, flushed } = left;
         // A full disk delays it only: the content has no other map any more.
         let durable = to.durable_at_last(map.snapshot.revision()).await;
         let (revision, content) = (content.revision(), Arc::unwrap_or_clone(content));

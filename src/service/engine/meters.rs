@@ -15,7 +15,7 @@ use super::MapHandle;
 use super::handle::Condition;
 use super::solve::Outcome;
 use crate::map::{Reason, SolveKind};
-use crate::meter::{Counter, Gauge, Held, Histogram};
+use crate::meter::{Counter, Gauge, GaugeGuard, Histogram};
 
 /// Why items are rejected, in the order of [`Reason`] and of the counters.
 const REASONS: [&str; 14] = [
@@ -103,7 +103,7 @@ impl SolveMeters {
 pub struct QueuedSolve {
     since: Instant,
     meters: Arc<SolveMeters>,
-    _held: Held,
+    _held: GaugeGuard,
 }
 
 impl QueuedSolve {
@@ -138,7 +138,7 @@ struct StartedSolve {
     since: Instant,
     meters: Arc<SolveMeters>,
     end: usize,
-    _held: Held,
+    _held: GaugeGuard,
 }
 
 impl Drop for StartedSolve {

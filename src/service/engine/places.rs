@@ -11,7 +11,7 @@ use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use covis_solvers::interrupt::Interrupt;
 
-use crate::loop_closing::{View, comparable, indexed, not_indexed};
+use crate::loop_closing::{QueryView, comparable, indexed, not_indexed};
 use crate::map::{EntityId, Map, Observations, PlaceRefusal, PlaceSearch};
 use crate::place::{Candidate, PlaceError, PlaceIndex};
 
@@ -24,13 +24,13 @@ const PIECE: usize = 1 << 15;
 /// The index of a map's places.
 #[derive(Debug, Default)]
 pub(super) struct Places {
-    known: RwLock<Known>,
+    known: RwLock<Indexed>,
     /// Memory of the index.
     bytes: AtomicU64,
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Known {
+pub(super) struct Indexed {
     index: PlaceIndex,
     /// What each keyframe was indexed with.
     indexed: BTreeMap<EntityId, Entry>,
@@ -45,7 +45,7 @@ struct Entry {
     refusal: Option<Box<PlaceRefusal>>,
 }
 
-impl Known {
+impl Indexed {
     /// Whether it is as new as the map.
     fn is_current(&self, map: &Map) -> bool {
         self.revision >= Some(map.revision())
@@ -107,17 +107,17 @@ impl Known {
 }
 
 impl Places {
-    fn write(&self) -> RwLockWriteGuard<'_, Known> {
+    fn write(&self) -> RwLockWriteGuard<'_, Indexed> {
         // An index that a panic left is made anew: the lock is poisoned then.
         self.known.write().unwrap_or_else(|poisoned| {
             self.known.clear_poison();
             let mut known = PoisonError::into_inner(poisoned);
-            *known = Known::default();
+            *known = Indexed::default();
             known
         })
     }
 
-    fn read(&self) -> RwLockReadGuard<'_, Known> {
+    fn read(&self) -> RwLockReadGuard<'_, Indexed> {
         if self.known.is_poisoned() {
             drop(self.write());
         }
@@ -126,7 +126,7 @@ impl Places {
 
     /// The index, where it takes more memory than `map` counts for it: keyframes left the map and nothing
     /// was searched since, or nothing is to be searched any more. Does not wait for who uses it.
-    pub(super) fn take_excess(&self, map: &Map) -> Option<Known> {
+    pub(super) fn take_excess(&self, map: &Map) -> Option<Indexed> {
         let most = if map.policy().place_recognition { map.descriptor_bytes() + LEAST } else { 0 };
         if self.bytes.load(Ordering::Relaxed) <= most {
             return None;
@@ -160,7 +160,7 @@ impl Places {
     pub(super) fn candidates(
         &self,
         map: &Map,
-        view: &View<'_>,
+        view: &QueryView<'_>,
         interrupt: &Interrupt,
         is_excluded: &dyn Fn(EntityId) -> bool,
     ) -> Result<Vec<Candidate>, PlaceError> {

@@ -16,7 +16,7 @@ use super::handle::Shared;
 use super::places::Places;
 use super::pool::{Slot, SolvePanicked, SolverPool};
 use super::{EngineError, Estimate, Resource};
-use crate::loop_closing::{View, excluded, find_loop_closure, not_indexed};
+use crate::loop_closing::{QueryView, excluded, find_loop_closure, not_indexed};
 use crate::map::{Change, Constraint, EntityId, Map, PlaceRefusal, PlaceSearch};
 
 /// Keyframes whose places are searched in one task. A search takes 10 to 100 ms, and its closure waits
@@ -25,7 +25,7 @@ const SEARCHED_AT_ONCE: usize = 4;
 
 /// What the search for the place of a keyframe found.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(super) struct SearchResult {
     keyframe: EntityId,
     /// The revision that asked for the search.
     asked: i64,
@@ -36,7 +36,7 @@ pub(super) struct Found {
 /// The searches of a map, one task at a time.
 pub(super) struct Recognition {
     shared: Arc<Shared>,
-    pub(super) work: Slot<Vec<Found>>,
+    pub(super) work: Slot<Vec<SearchResult>>,
     /// Whether the journal has refused a change and has not moved since.
     waits_for_journal: bool,
 }
@@ -98,10 +98,10 @@ fn find(
     places: &Places,
     (keyframe, asked): (EntityId, i64),
     interrupt: &Interrupt,
-) -> Found {
+) -> SearchResult {
     let refused = |refusal| PlaceSearch { refusal: Some(refusal), ..PlaceSearch::default() };
     let known = map.keyframes().get(&keyframe);
-    let (search, closure) = match known.and_then(|known| View::of_keyframe(map, known)) {
+    let (search, closure) = match known.and_then(|known| QueryView::of_keyframe(map, known)) {
         None => (PlaceSearch::default(), None),
         Some(view) => {
             let age = known.map_or(0, |known| known.added_revision);
@@ -120,16 +120,16 @@ fn find(
             }
         }
     };
-    Found { keyframe, asked, search, closure }
+    SearchResult { keyframe, asked, search, closure }
 }
 
 type Searches = Vec<(EntityId, PlaceSearch)>;
 type Closures = Vec<(EntityId, Constraint)>;
 
 /// What was found, as far as the map still asks for it. A place that has left the map is searched again.
-fn wanted(map: &Map, found: &[Found]) -> (Searches, Closures) {
+fn wanted(map: &Map, found: &[SearchResult]) -> (Searches, Closures) {
     let (mut searches, mut closures) = (Vec::new(), Vec::new());
-    for Found { keyframe, asked, search, closure } in found {
+    for SearchResult { keyframe, asked, search, closure } in found {
         let is_asked = map.place_searches().pending.get(keyframe) == Some(asked);
         let is_held =
             |constraint: &Constraint| map.keyframes().contains_key(&constraint.keyframe_i);
@@ -161,7 +161,7 @@ impl Actor {
     /// Handles the end of a task.
     pub(super) async fn recognition_ended(
         &mut self,
-        ended: Result<((), Option<Vec<Found>>), SolvePanicked>,
+        ended: Result<((), Option<Vec<SearchResult>>), SolvePanicked>,
     ) {
         let Some(((), Some(found))) = self.unless_panicked(ended) else { return };
         let (count, change) = match self.searched(&found).await {
@@ -183,7 +183,10 @@ impl Actor {
     ///
     /// # Errors
     /// The journal takes nothing just now: the searches stay due.
-    async fn searched(&mut self, found: &[Found]) -> Result<Option<(u64, Change)>, EngineError> {
+    async fn searched(
+        &mut self,
+        found: &[SearchResult],
+    ) -> Result<Option<(u64, Change)>, EngineError> {
         loop {
             let (searches, closures) = wanted(&self.map, found);
             if searches.is_empty() {

@@ -14,10 +14,10 @@ use tokio::sync::watch;
 
 use super::durability::sequence_of;
 use super::touched::Touched;
-use super::watching::{LogReader, Taken};
+use super::watching::{LogRead, LogReader};
 use super::{EngineError, MapHandle, MapState, Reservation};
 use crate::map::{Change, Event, Map};
-use crate::meter::Held;
+use crate::meter::GaugeGuard;
 use crate::store::StoreError;
 
 /// A watcher keeps this many ids, or as many as the map has entities, whichever is more. Beyond
@@ -110,7 +110,7 @@ pub struct Watch {
     /// A change that is not durable yet.
     pending: Option<MapChange>,
     _reservations: [Reservation; 2],
-    _open: Held,
+    _open: GaugeGuard,
 }
 
 impl Watch {
@@ -214,9 +214,9 @@ impl Watch {
     async fn fold(&mut self, through: i64) {
         loop {
             match self.log.take(through) {
-                Taken::Nothing => return,
-                Taken::Lost => self.gathered.reset(),
-                Taken::Some(some, most) => {
+                LogRead::Nothing => return,
+                LogRead::Lost => self.gathered.reset(),
+                LogRead::Some(some, most) => {
                     self.gathered.most = most;
                     let with_landmarks = self.with_landmarks;
                     some.iter().for_each(|touched| self.gathered.join(touched, with_landmarks));

@@ -131,7 +131,7 @@ impl Entries {
 
 /// What [`LogReader::take`] finds.
 #[derive(Debug)]
-pub(super) enum Taken {
+pub(super) enum LogRead {
     /// The next entries, in order, and how many ids a watcher now keeps.
     Some(Vec<Arc<Touched>>, usize),
     /// All entries were taken.
@@ -154,21 +154,21 @@ impl LogReader {
     }
 
     /// Takes some of the next entries, up to that of revision `through`.
-    pub(super) fn take(&mut self, through: i64) -> Taken {
+    pub(super) fn take(&mut self, through: i64) -> LogRead {
         let mut entries = self.log.lock();
         let through = through.min(entries.newest);
         if self.at >= through {
-            return Taken::Nothing;
+            return LogRead::Nothing;
         }
         let (from, skipped) = (self.at, self.at - entries.floor());
         let (taken, to) = match usize::try_from(skipped) {
-            Err(_negative) => (Taken::Lost, through),
+            Err(_negative) => (LogRead::Lost, through),
             Ok(skipped) => {
                 let count = usize::try_from(through - from).unwrap_or(usize::MAX).min(MOST_TAKEN);
                 let some: Vec<_> =
                     entries.touched.iter().skip(skipped).take(count).map(Arc::clone).collect();
                 let to = from + i64::try_from(some.len()).unwrap_or(i64::MAX);
-                (Taken::Some(some, entries.most), to)
+                (LogRead::Some(some, entries.most), to)
             }
         };
         self.at = to;
@@ -206,9 +206,9 @@ mod tests {
         let mut count = 0;
         loop {
             match reader.take(i64::MAX) {
-                Taken::Some(some, _) => count += some.len(),
-                Taken::Nothing => return Some(count),
-                Taken::Lost => return None,
+                LogRead::Some(some, _) => count += some.len(),
+                LogRead::Nothing => return Some(count),
+                LogRead::Lost => return None,
             }
         }
     }

@@ -11,7 +11,7 @@ use covis_solvers::optimizer::IterationSummary;
 
 use super::Context;
 use super::entry::Entry;
-use super::solving::{Means, Tell};
+use super::solving::{SolveContext, Tell};
 use crate::service::engine::{Cancellation, EngineError};
 use crate::store::JobFileError;
 
@@ -42,7 +42,7 @@ impl Checkpoints {
     pub(super) fn new(
         storage: impl CheckpointStorage + 'static,
         holds: bool,
-        means: &Means<'_>,
+        means: &SolveContext<'_>,
     ) -> Self {
         let (cancellation, tell) = (Arc::clone(&means.cancellation), Arc::clone(&means.tell));
         Self { storage: Box::new(storage), last_s: 0.0, holds, cancellation, tell }

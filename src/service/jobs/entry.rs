@@ -41,12 +41,12 @@ pub(super) struct Entry {
     shown: watch::Sender<v1::Job>,
     /// What is finished of its work.
     done: Mutex<v1::JobResult>,
-    held: Mutex<Held>,
+    held: Mutex<JobReservations>,
     exclusive: tokio::sync::Mutex<()>,
 }
 
 /// What a job holds of its tenant's account.
-pub(super) struct Held {
+pub(super) struct JobReservations {
     /// Bytes of its files.
     pub(super) bytes: Reservation,
     /// One of the jobs that have not ended.
@@ -61,7 +61,7 @@ impl Entry {
         done: v1::JobResult,
         changes: Vec<String>,
         upload: Option<JobUpload>,
-        held: Held,
+        held: JobReservations,
     ) -> Self {
         let spec = job.spec.clone().unwrap_or_default();
         // The truth of an evaluation may be as long as a message.
@@ -151,7 +151,7 @@ impl Entry {
     }
 
     /// Bytes that its files hold of the account.
-    pub(super) fn held(&self) -> MutexGuard<'_, Held> {
+    pub(super) fn held(&self) -> MutexGuard<'_, JobReservations> {
         self.held.lock()
     }
 

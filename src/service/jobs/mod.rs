@@ -60,7 +60,7 @@ use super::random::random_uid;
 use crate::store::{JobFile, JobFiles, JobUid, TaskQueue};
 use crate::sync::Mutex;
 use crate::wire::v1;
-use entry::{Entry, Held, JOB_BYTES, JobKey};
+use entry::{Entry, JOB_BYTES, JobKey, JobReservations};
 use uploads::Waiting;
 use v1::JobState;
 
@@ -284,7 +284,7 @@ impl Jobs {
                 // Counted already, as an upload.
                 bytes.count(size + waiting.upload.bytes());
             }
-            let held = Held { bytes, pending: Some(pending) };
+            let held = JobReservations { bytes, pending: Some(pending) };
             let done = v1::JobResult::default();
             let entry = Entry::new((key, uid, number), job, done, changes, upload, held);
             let entry = Arc::new(entry);

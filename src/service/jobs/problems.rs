@@ -14,7 +14,7 @@ use super::JobError;
 use super::checkpoints::{Checkpoints, OnDisk};
 use super::remote;
 use super::run::{Made, Run, add_file, next_output};
-use super::solving::{self, Format, How, Means, Solved, Task, Tell};
+use super::solving::{self, Format, SolveContext, Solved, SolvingOptions, Task, Tell};
 use super::uploads::number;
 use crate::service::convert::count;
 use crate::service::error::ServiceError;
@@ -95,7 +95,7 @@ type AllSolved = (Vec<v1::SolvedProblem>, Option<(f64, f64)>, Value);
 
 /// Solves the files of an upload.
 pub(super) async fn solve(run: &Run<'_>, spec: &v1::SolveFilesSpec) -> Result<Made, ServiceError> {
-    let how = How { keep: spec.keep_solutions, rebuild: false };
+    let how = SolvingOptions { keep: spec.keep_solutions, rebuild: false };
     let (problems, costs, report) = solve_all(run, &spec.upload_id, spec.kind(), how).await?;
     let result = Kind::SolveFiles(v1::SolveFilesResult { problems });
     Ok(Made { result, costs, report })
@@ -106,7 +106,7 @@ pub(super) async fn rebuild(
     run: &Run<'_>,
     spec: &v1::ReconstructSpec,
 ) -> Result<Made, ServiceError> {
-    let how = How { keep: spec.keep_solutions, rebuild: true };
+    let how = SolvingOptions { keep: spec.keep_solutions, rebuild: true };
     let kind = v1::ProblemFileKind::Bundle;
     let (problems, costs, report) = solve_all(run, &spec.upload_id, kind, how).await?;
     let result = v1::ReconstructResult { problems, ..v1::ReconstructResult::default() };
@@ -117,7 +117,7 @@ async fn solve_all(
     run: &Run<'_>,
     upload_id: &str,
     kind: v1::ProblemFileKind,
-    how: How,
+    how: SolvingOptions,
 ) -> Result<AllSolved, ServiceError> {
     let missing = || JobError::UploadNotFound { upload: upload_id.to_owned() };
     let upload = run.entry.upload.clone().ok_or_else(missing)?;
@@ -195,7 +195,7 @@ fn task(
     run: &Run<'_>,
     (path, problem): (&str, &Problem),
     upload: &JobUpload,
-    how: How,
+    how: SolvingOptions,
 ) -> (Task, Vec<u32>) {
     let (format, indices) = match problem {
         Problem::Bal(index) => (Format::Bal, vec![*index]),
@@ -228,7 +228,7 @@ async fn one(
         inputs.into_iter().map(read).collect()
     };
     let maps = &run.context.maps;
-    let means = Means {
+    let means = SolveContext {
         pool: maps.pool(),
         account: maps.pool().accounts().tenant(&run.entry.key.0),
         meters: maps.meters(),

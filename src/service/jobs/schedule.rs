@@ -13,7 +13,7 @@ use std::time::Instant;
 use prost::Message;
 use tokio::task::JoinSet;
 
-use super::entry::{Entry, Held, JOB_BYTES, is_ended, on_disk};
+use super::entry::{Entry, JOB_BYTES, JobReservations, is_ended, on_disk};
 use super::uploads::Waiting;
 use super::{Context, JobError, Jobs, run, spec};
 use crate::service::access::Caller;
@@ -135,16 +135,16 @@ impl Jobs {
         let mut entries = Vec::new();
         for found in found.await? {
             match found {
-                Found::Job(job) => entries.push(jobs.restored(*job, context)),
-                Found::Upload(folder, upload) => {
+                FolderContent::Job(job) => entries.push(jobs.restored(*job, context)),
+                FolderContent::Upload(folder, upload) => {
                     let account = jobs.accounts.tenant(&upload.tenant);
                     let held = account.reserve_existing(Resource::JobBytes, upload.bytes());
                     jobs.give_back(Waiting { uid: folder.uid, upload, _held: held });
                 }
-                Found::Taken(key) => {
+                FolderContent::Later(key) => {
                     jobs.table.lock().taken.insert(key);
                 }
-                Found::Nothing => {}
+                FolderContent::Nothing => {}
             }
         }
         entries.sort_unstable_by_key(|entry| entry.number);
@@ -187,7 +187,7 @@ impl Jobs {
             + spec.encoded_len() as u64
             + u64::try_from(made).unwrap_or(0)
             + upload.as_ref().map_or(0, crate::store::JobUpload::bytes);
-        let held = Held {
+        let held = JobReservations {
             bytes: account.reserve_existing(Resource::JobBytes, size),
             pending: (!has_ended).then(|| account.reserve_existing(Resource::PendingJobs, 1)),
         };
@@ -200,11 +200,11 @@ impl Jobs {
 }
 
 /// What a folder holds.
-enum Found {
+enum FolderContent {
     Job(Box<OnDisk>),
     Upload(JobFolder, crate::store::JobUpload),
     /// A job that a later version wrote.
-    Taken((String, String)),
+    Later((String, String)),
     Nothing,
 }
 
@@ -218,7 +218,7 @@ struct OnDisk {
 }
 
 /// Reads a folder. What cannot be read is reported and left as it is.
-fn read(files: &crate::store::JobFiles, folder: JobFolder) -> Found {
+fn read(files: &crate::store::JobFiles, folder: JobFolder) -> FolderContent {
     let tell = |error: &JobFileError| {
         tracing::error!(%error, "a job or an upload cannot be read, it is left as it is");
     };
@@ -235,17 +235,18 @@ fn read(files: &crate::store::JobFiles, folder: JobFolder) -> Found {
         None
     };
     if !has(JobFile::Record) {
-        return upload.map_or(Found::Nothing, |upload| Found::Upload(folder, upload));
+        return upload
+            .map_or(FolderContent::Nothing, |upload| FolderContent::Upload(folder, upload));
     }
     let record = match files.read_record(&folder.uid) {
         Ok(FoundRecord::Job(record)) => record,
         Ok(FoundRecord::Later { tenant, job_id }) => {
             tracing::error!(job_id, "a later version wrote this job, it is left as it is");
-            return Found::Taken((tenant, job_id));
+            return FolderContent::Later((tenant, job_id));
         }
         Err(error) => {
             tell(&error);
-            return Found::Nothing;
+            return FolderContent::Nothing;
         }
     };
     let job = v1::Job::decode(&*record.job).ok();
@@ -260,7 +261,7 @@ fn read(files: &crate::store::JobFiles, folder: JobFolder) -> Found {
     let Some((job, done)) = known else {
         let job = &record.job_id;
         tracing::error!(job, "a later version wrote this job, it is left as it is");
-        return Found::Taken((record.tenant, record.job_id));
+        return FolderContent::Later((record.tenant, record.job_id));
     };
-    Found::Job(Box::new(OnDisk { folder, record, job, done, upload }))
+    FolderContent::Job(Box::new(OnDisk { folder, record, job, done, upload }))
 }

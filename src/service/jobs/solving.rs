@@ -64,13 +64,13 @@ pub(super) struct Task {
     pub(super) format: Format,
     /// Path and length in bytes of each of its files.
     pub(super) files: Vec<(String, u64)>,
-    pub(super) how: How,
+    pub(super) how: SolvingOptions,
     pub(super) ceiling: Ceiling,
 }
 
 /// How problems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct How {
+pub(super) struct SolvingOptions {
     /// Whether solutions are kept as files.
     pub(super) keep: bool,
     /// Whether poses and points are reconstructed first.
@@ -78,7 +78,7 @@ pub(super) struct How {
 }
 
 /// With what a problem is solved.
-pub(super) struct Means<'a> {
+pub(super) struct SolveContext<'a> {
     pub(super) pool: &'a Arc<SolverPool>,
     /// Whose turn it is in the pool.
     pub(super) account: Arc<Account>,
@@ -114,7 +114,7 @@ pub(super) struct Solved {
 /// Those of `read`, [`JobError::BadFile`], [`ServiceError::Unsolvable`], and RESOURCE_EXHAUSTED.
 pub(super) async fn solve(
     task: &Task,
-    means: &Means<'_>,
+    means: &SolveContext<'_>,
     read: impl FnOnce() -> Result<Vec<Vec<u8>>, ServiceError> + Send + 'static,
     mut kept: Checkpoints,
 ) -> Result<Solved, ServiceError> {
@@ -162,7 +162,7 @@ pub(super) async fn solve(
     }
 }
 
-impl Means<'_> {
+impl SolveContext<'_> {
     /// Runs a solve on the pool, as a call's.
     async fn pooled<R: Send + 'static>(
         &self,
@@ -273,7 +273,7 @@ fn unsolvable(error: SolveError) -> ServiceError {
 
 fn solve_bundle(
     (mut source, mut solved): (Source, ColmapProblem),
-    (path, how): (&str, How),
+    (path, how): (&str, SolvingOptions),
     kept: &mut Checkpoints,
     ceiling: Ceiling,
     cancellation: &Cancellation,

@@ -10,7 +10,7 @@ use prost::Message;
 use serde_json::{Value, json};
 
 #[cfg(feature = "cluster")]
-use super::solving::How;
+use super::solving::SolvingOptions;
 use super::solving::{Format, Solved, Task};
 use crate::service::error::ServiceError;
 use crate::wire::v1;
@@ -89,7 +89,7 @@ pub(super) fn decode_task(bytes: &[u8]) -> Option<Task> {
         path: message.path,
         format,
         files: message.files.into_iter().map(size).collect(),
-        how: How { keep: message.keep, rebuild: message.rebuild },
+        how: SolvingOptions { keep: message.keep, rebuild: message.rebuild },
         ceiling: Ceiling { bytes, flops_per_iteration },
     })
 }

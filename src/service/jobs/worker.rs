@@ -14,12 +14,12 @@ use tokio::runtime::Handle;
 
 use super::checkpoints::{CheckpointStorage, Checkpoints};
 use super::run::{failure, pause};
-use super::solving::{self, Means, Solved, Task, Tell};
+use super::solving::{self, SolveContext, Solved, Task, Tell};
 use super::task::{decode_task, encode_result};
 use crate::service::engine::{Accounts, Cancellation, EngineMeters, SolverPool};
 use crate::service::error::ServiceError;
 use crate::service::server::ServerError;
-use crate::store::{ReplicationOptions, Taken, TaskError, WorkerLink};
+use crate::store::{ClaimedTask, ReplicationOptions, TaskError, WorkerLink};
 use crate::sync::Mutex;
 use crate::wire::v1;
 
@@ -98,7 +98,7 @@ impl Worker {
     }
 
     /// Solves a task and hands in its result, as long as the task is this worker's.
-    async fn solve(&self, taken: &Arc<Taken>, cancellation: &Arc<Cancellation>) {
+    async fn solve(&self, taken: &Arc<ClaimedTask>, cancellation: &Arc<Cancellation>) {
         let (task, attempt) = (taken.name(), taken.attempts());
         tracing::info!(task, attempt, "a task was taken");
         let progress = Arc::<Mutex<v1::JobProgress>>::default();
@@ -145,7 +145,7 @@ impl Worker {
     /// succeed.
     async fn result(
         &self,
-        taken: &Arc<Taken>,
+        taken: &Arc<ClaimedTask>,
         cancellation: &Arc<Cancellation>,
         tell: Tell,
     ) -> Result<Result<Solved, ServiceError>, TaskError> {
@@ -167,7 +167,7 @@ impl Worker {
         for index in 0..files.len() {
             inputs.push(taken.input(index).await?);
         }
-        let means = Means {
+        let means = SolveContext {
             pool: &self.pool,
             account: self.pool.accounts().tenant(""),
             meters: &self.meters,
@@ -182,7 +182,7 @@ impl Worker {
 
 /// Checkpoints where another worker can read them.
 struct InQueue {
-    taken: Arc<Taken>,
+    taken: Arc<ClaimedTask>,
     runtime: Handle,
 }
 

@@ -20,14 +20,14 @@ use crate::map::{
 /// [`EncodingError`] where the parts are damaged; [`EncodingError::Different`] where they are those of
 /// another map.
 pub(in crate::store) fn compare_map(input: &mut dyn Read, map: &Map) -> Result<(), EncodingError> {
-    let mut rest = Rest::of(map);
+    let mut rest = Remaining::of(map);
     let mut head = each_part(input, &mut |parts| rest.follow(parts, false))?;
     rest.follow(&mut head, true)?;
     same(is_head(&head, map), "the head and the clients")
 }
 
 /// What is still to come of each list of a map.
-struct Rest<'a> {
+struct Remaining<'a> {
     items: Vec<shared_map::Iter<'a, i64, Digest>>,
     cameras: btree_map::Iter<'a, EntityId, CameraEntity>,
     keyframes: shared_map::Iter<'a, EntityId, Keyframe>,
@@ -38,7 +38,7 @@ struct Rest<'a> {
     contents: shared_map::Iter<'a, (Content, EntityId), Digest>,
 }
 
-impl<'a> Rest<'a> {
+impl<'a> Remaining<'a> {
     fn of(map: &'a Map) -> Self {
         Self {
             items: map.clients().iter().map(|client| client.items.iter()).collect(),

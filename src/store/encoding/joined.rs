@@ -31,20 +31,20 @@ const LONGEST_PART: u64 = 1 << 30;
 /// [`EncodingError`] where the parts are damaged, of a later version, or another map than was
 /// written.
 pub(in crate::store) fn decode_map(input: &mut dyn Read) -> Result<Map, EncodingError> {
-    let mut parts = Joined::default();
+    let mut parts = PartsReader::default();
     read_parts(input, &mut |part| parts.take(part).map(|_counts| ()))?;
     parts.finish(true)
 }
 
 /// The parts of a map that were read so far.
 #[derive(Debug, Default)]
-pub(in crate::store) struct Joined {
+pub(in crate::store) struct PartsReader {
     parts: MapParts,
     state_hash: Option<Digest>,
     counted: Usage,
 }
 
-impl Joined {
+impl PartsReader {
     /// Takes the bytes of the next part. Skips fields of a later version where it `may_be_later`.
     /// Returns what the parts hold so far, without an estimate of memory.
     ///

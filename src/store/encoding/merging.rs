@@ -7,7 +7,7 @@ use super::entities::{
     decode_constraint, decode_policy, decode_similarity, encode_constraint, encode_policy,
     encode_pose, encode_scale,
 };
-use super::joined::Joined;
+use super::joined::PartsReader;
 use super::snapshot::Parts;
 use super::{EncodingError, v1};
 use crate::map::{ClientIndex, Merge, MergedClient, MergedMap};
@@ -27,7 +27,7 @@ pub(super) fn encode_merge(merge: &Merge) -> v1::MapMerged {
 
 pub(super) fn decode_merge(merge: v1::MapMerged) -> Result<Merge, EncodingError> {
     let v1::MapMerged { name, parts, target_from_source, clients, closures, scale } = merge;
-    let mut content = Joined::default();
+    let mut content = PartsReader::default();
     for part in parts {
         content.add(&part, false)?;
     }

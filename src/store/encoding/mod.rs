@@ -24,7 +24,7 @@ pub(super) use jobs::{
     decode_checkpoint, decode_job, decode_later_job, decode_upload, encode_checkpoint, encode_job,
     encode_upload,
 };
-pub(super) use joined::{Joined, decode_map};
+pub(super) use joined::{PartsReader, decode_map};
 pub(super) use snapshot::{Parts, encode_map};
 
 use std::sync::LazyLock;

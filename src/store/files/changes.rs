@@ -156,7 +156,8 @@ impl Inner {
         // What there is was made durable already.
         let last = snapshot.map_or(0, |map| sequence_of(map.revision()));
         let snapshots = snapshot.map(|_| last).into_iter().collect();
-        let found = load::Found { snapshots, last, durable: last, ..load::Found::default() };
+        let found =
+            load::OpenedFiles { snapshots, last, durable: last, ..load::OpenedFiles::default() };
         journal.loaded(found);
         let _settled = journal.flush();
         journal.state().epoch = epoch;

@@ -59,7 +59,7 @@ pub fn check_up(directory: &Path, repair: bool) -> Result<Vec<MapCheckup>, Store
     let maps = directory.join("maps");
     let entries = RealDisk.list(&maps).map_err(|e| file_error("cannot list", &maps, &e))?;
     let _lock = DirectoryLock::take(directory)?;
-    let mut looked: Vec<(MapCheckup, Option<Found>)> =
+    let mut looked: Vec<(MapCheckup, Option<Recoverable>)> =
         entries.iter().filter_map(|entry| look_at(&maps, entry)).collect();
     name_ambiguous(looked.iter_mut().map(|(checkup, _)| checkup));
     for (checkup, found) in &mut looked {
@@ -80,7 +80,7 @@ pub(super) fn check_up_map(maps: &Path, entry: &str) -> Option<MapCheckup> {
     look_at(maps, entry).map(|(checkup, _)| checkup)
 }
 
-fn look_at(maps: &Path, entry: &str) -> Option<(MapCheckup, Option<Found>)> {
+fn look_at(maps: &Path, entry: &str) -> Option<(MapCheckup, Option<Recoverable>)> {
     let folder = maps.join(entry);
     let mut checkup = MapCheckup { folder, ..MapCheckup::default() };
     match folders::look(&RealDisk, maps, entry) {
@@ -134,7 +134,7 @@ pub(super) fn name_ambiguous<'a>(checkups: impl Iterator<Item = &'a mut MapCheck
 }
 
 /// The data that a repair needs of a map.
-struct Found {
+struct Recoverable {
     uid: Uid,
     /// The map at the last revision that can be recovered.
     map: Map,
@@ -143,7 +143,7 @@ struct Found {
 }
 
 /// Reads all files of a map.
-fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
+fn look(checkup: &mut MapCheckup) -> Result<Recoverable, StoreError> {
     let folder = checkup.folder.clone();
     let uid = identity(checkup)?;
     let found = load::look(&RealDisk, &folder, &uid)?;
@@ -178,7 +178,7 @@ fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
         checkup.damage.push(Damage { lost, ..whole_file(&file) });
     }
     let snapshots = snapshots.iter().map(|map| sequence_of(map.revision())).collect();
-    Ok(Found { uid, map, snapshots })
+    Ok(Recoverable { uid, map, snapshots })
 }
 
 /// The map's uid, from its file or otherwise from its folder.
@@ -229,7 +229,7 @@ fn replay(
 }
 
 /// Sets damaged files aside and leaves a map that opens, if anything could be recovered.
-fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(), StoreError> {
+fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Recoverable) -> Result<(), StoreError> {
     let folder = checkup.folder.clone();
     if checkup.revision == 0 {
         let aside = directory.join(SET_ASIDE);

@@ -20,7 +20,7 @@ use std::sync::{Arc, MutexGuard};
 use tokio::sync::watch;
 
 use super::disk::Disk;
-use super::load::Found;
+use super::load::OpenedFiles;
 use super::record::{Uid, put_record};
 use super::writer::Writer;
 use super::{FileStoreOptions, file_error, journal_name};
@@ -124,7 +124,7 @@ impl Journal {
 
     /// Takes over what was found on disk. The first [`Journal::flush`] makes it durable if that is not
     /// certain.
-    pub(super) fn loaded(&self, found: Found) {
+    pub(super) fn loaded(&self, found: OpenedFiles) {
         let mut state = self.state();
         state.loaded = true;
         state.last = found.last;

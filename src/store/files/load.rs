@@ -21,7 +21,7 @@ use crate::store::{Damage, StoreError};
 
 /// A map's files as they are after opening.
 #[derive(Debug, Default)]
-pub(super) struct Found {
+pub(super) struct OpenedFiles {
     /// The first sequence of each journal file, in increasing order.
     pub(super) segments: Vec<u64>,
     /// Snapshots whose checksum fits, in increasing order.
@@ -65,7 +65,7 @@ struct Segment {
 /// # Errors
 /// [`StoreError::File`] if the disk fails, [`StoreError::Later`] for files of a later version; then
 /// nothing was changed.
-pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, StoreError> {
+pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<OpenedFiles, StoreError> {
     let mut found = look(disk, folder, uid)?;
     for ((path, reason), damage) in found.unopened.iter().zip(&mut found.damage) {
         tracing::error!(file = %path.display(), reason, "a snapshot does not open and is set aside");
@@ -87,8 +87,8 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
 ///
 /// # Errors
 /// [`StoreError::File`] if the disk fails, [`StoreError::Later`] for files of a later version.
-pub(super) fn look(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, StoreError> {
-    let mut found = Found::default();
+pub(super) fn look(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<OpenedFiles, StoreError> {
+    let mut found = OpenedFiles::default();
     let names = disk.list(folder).map_err(|e| file_error("cannot list", folder, &e))?;
     let mut segments = Vec::new();
     for first in names.iter().filter_map(|name| sequence_in(name, ".log")) {
@@ -188,7 +188,7 @@ fn read_segment(
 
 /// Determines what is damaged, and whether events are lost. Returns the last sequence that is known
 /// to have been synced, even if its event is lost.
-fn find_damage(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) -> u64 {
+fn find_damage(folder: &Path, segments: &[Segment], mark: u64, found: &mut OpenedFiles) -> u64 {
     let last_index = segments.len().saturating_sub(1);
     // Every file but the last was synced whole before the next one was made.
     let whole = segments.iter().take(last_index).filter_map(|s| s.runs.last()).map(|&(_, l)| l);

@@ -33,7 +33,7 @@ pub(super) struct Entry {
 
 /// An entry and the revision of its key.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Known {
+pub(super) struct StoredEntry {
     pub(super) entry: Entry,
     pub(super) revision: u64,
 }
@@ -47,7 +47,7 @@ impl Catalog {
     ///
     /// # Errors
     /// [`StoreError::Unavailable`], and [`StoreError::Content`] for an entry that cannot be read.
-    pub(super) async fn get(&self, map: &str) -> Result<Option<Known>, StoreError> {
+    pub(super) async fn get(&self, map: &str) -> Result<Option<StoredEntry>, StoreError> {
         let latest = latest(&self.0, &key(map)).await;
         let latest = latest.map_err(|error| unavailable(map, "the catalog", &error))?;
         let Some((payload, revision)) = latest else { return Ok(None) };
@@ -55,16 +55,16 @@ impl Catalog {
             let path = format!("the catalog's entry of map {map:?}");
             StoreError::Content { path, message: error.to_string() }
         })?;
-        Ok(Some(Known { entry, revision }))
+        Ok(Some(StoredEntry { entry, revision }))
     }
 
     /// Makes an entry; `None` where there is one.
     ///
     /// # Errors
     /// [`StoreError::Unavailable`]; then the entry may be there or not.
-    pub(super) async fn create(&self, entry: Entry) -> Result<Option<Known>, StoreError> {
+    pub(super) async fn create(&self, entry: Entry) -> Result<Option<StoredEntry>, StoreError> {
         match self.0.create(key(&entry.name), bytes(&entry)?).await {
-            Ok(revision) => Ok(Some(Known { entry, revision })),
+            Ok(revision) => Ok(Some(StoredEntry { entry, revision })),
             Err(error) if error.kind() == kv::CreateErrorKind::AlreadyExists => Ok(None),
             Err(error) => Err(unavailable(&entry.name, "the catalog", &error)),
         }
@@ -76,11 +76,11 @@ impl Catalog {
     /// [`StoreError::Unavailable`]; then it may be replaced or not.
     pub(super) async fn replace(
         &self,
-        known: &Known,
+        known: &StoredEntry,
         entry: Entry,
-    ) -> Result<Option<Known>, StoreError> {
+    ) -> Result<Option<StoredEntry>, StoreError> {
         match self.0.update(key(&entry.name), bytes(&entry)?, known.revision).await {
-            Ok(revision) => Ok(Some(Known { entry, revision })),
+            Ok(revision) => Ok(Some(StoredEntry { entry, revision })),
             Err(error) if error.kind() == kv::UpdateErrorKind::WrongLastRevision => Ok(None),
             Err(error) => Err(unavailable(&entry.name, "the catalog", &error)),
         }
@@ -90,8 +90,8 @@ impl Catalog {
     ///
     /// # Errors
     /// [`StoreError::Unavailable`]; then it may be removed or not.
-    pub(super) async fn remove(&self, known: &Known) -> Result<bool, StoreError> {
-        let Known { entry: Entry { name, .. }, revision } = known;
+    pub(super) async fn remove(&self, known: &StoredEntry) -> Result<bool, StoreError> {
+        let StoredEntry { entry: Entry { name, .. }, revision } = known;
         match self.0.delete_expect_revision(key(name), Some(*revision)).await {
             Ok(()) => Ok(true),
             Err(error) if error.kind() == kv::UpdateErrorKind::WrongLastRevision => Ok(false),

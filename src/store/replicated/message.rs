@@ -132,7 +132,7 @@ pub(super) fn pack(events: impl Iterator<Item = (u64, Vec<u8>)>, most: usize) ->
 
 /// An event and where it ends in the stream.
 #[derive(Clone, Debug)]
-pub(super) struct Found {
+pub(super) struct AssembledEvent {
     pub(super) event: Arc<Event>,
     /// The bytes that were published.
     pub(super) encoded: Vec<u8>,
@@ -147,7 +147,7 @@ pub(super) struct Reading {
     epoch: Option<u64>,
     /// Parts of an event that is not complete: its revision, the next part, the bytes so far.
     parts: Option<(u64, u32, Vec<u8>)>,
-    pub(super) events: Vec<Found>,
+    pub(super) events: Vec<AssembledEvent>,
 }
 
 impl Reading {
@@ -221,7 +221,7 @@ impl Reading {
                 return Err(format!("revision {revision} does not follow"));
             }
             let encoded = encoded.to_vec();
-            self.events.push(Found { event: Arc::new(event), encoded, at });
+            self.events.push(AssembledEvent { event: Arc::new(event), encoded, at });
             expected += 1;
             bytes = &rest[length..];
         }

@@ -53,7 +53,7 @@ use self::members::Members;
 use self::owned::Owned;
 use self::snapshots::Snapshots;
 use self::tasks::Tasks;
-pub use self::tasks::{Taken, WorkerLink};
+pub use self::tasks::{ClaimedTask, WorkerLink};
 use super::encoding::encode_event;
 use super::{
     Damage, Durability, Epoch, EventReader, FileStore, Flushed, Position, Store, StoreError,

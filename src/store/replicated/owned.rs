@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::sync::{Mutex, MutexGuard, watch};
 use tokio::task::AbortHandle;
 
-use super::catalog::{Catalog, Entry, Known};
+use super::catalog::{Catalog, Entry, StoredEntry};
 use super::map_stream::MapStream;
 use super::publisher::Publisher;
 use crate::store::{Flushed, StoreError};
@@ -24,7 +24,7 @@ pub(super) struct Owned {
     map: String,
     pub(super) stream: MapStream,
     pub(super) publisher: Publisher,
-    known: Mutex<Known>,
+    known: Mutex<StoredEntry>,
     flushed: watch::Receiver<Flushed>,
     joining: AbortHandle,
 }
@@ -35,13 +35,14 @@ impl Owned {
         map: &str,
         stream: MapStream,
         publisher: Publisher,
-        known: Known,
+        known: StoredEntry,
         local: watch::Receiver<Flushed>,
         holds_lease: watch::Receiver<bool>,
     ) -> Arc<Self> {
         let progress = publisher.progress();
         let (sender, flushed) = watch::channel(Flushed::default());
-        let mut joined = Joined { map: map.to_owned(), local, progress, holds_lease, sender };
+        let mut joined =
+            DurabilityJoin { map: map.to_owned(), local, progress, holds_lease, sender };
         joined.update();
         let joining = tokio::spawn(joined.run()).abort_handle();
         let (map, known) = (map.to_owned(), Mutex::new(known));
@@ -53,7 +54,7 @@ impl Owned {
     }
 
     /// The map's entry, held until the guard is dropped.
-    pub(super) async fn known(&self) -> MutexGuard<'_, Known> {
+    pub(super) async fn known(&self) -> MutexGuard<'_, StoredEntry> {
         self.known.lock().await
     }
 
@@ -92,7 +93,7 @@ impl Drop for Owned {
 }
 
 /// Joins what tells of durability.
-struct Joined {
+struct DurabilityJoin {
     map: String,
     local: watch::Receiver<Flushed>,
     /// How far the stream has acknowledged.
@@ -101,7 +102,7 @@ struct Joined {
     sender: watch::Sender<Flushed>,
 }
 
-impl Joined {
+impl DurabilityJoin {
     async fn run(mut self) {
         while self.update() {
             let changed = tokio::select! {

@@ -14,9 +14,9 @@
 use std::sync::Arc;
 
 use super::ReplicatedStore;
-use super::catalog::{Entry, Known};
+use super::catalog::{Entry, StoredEntry};
 use super::map_stream::MapStream;
-use super::message::Found;
+use super::message::AssembledEvent;
 use super::owned::Owned;
 use super::publisher::{Begin, Publisher};
 use crate::map::Map;
@@ -28,7 +28,7 @@ use crate::store::{Epoch, Store, StoreError, sequence_of, wait_durable};
 const BATCH: usize = 256;
 
 /// What the own journal has to do with the stream.
-enum Own {
+enum OwnJournal {
     /// It holds the stream's events up to a revision.
     Through(u64),
     /// It holds all of them, and further ones, encoded.
@@ -84,7 +84,7 @@ impl ReplicatedStore {
 
     /// Whether the entry is still the one that was known: then it is written again, unchanged, so that
     /// a claim that another server has begun on it fails.
-    async fn confirm(&self, known: &Known) -> Result<Option<Known>, StoreError> {
+    async fn confirm(&self, known: &StoredEntry) -> Result<Option<StoredEntry>, StoreError> {
         self.catalog.replace(known, known.entry.clone()).await
     }
 
@@ -98,16 +98,16 @@ impl ReplicatedStore {
         &self,
         map: &str,
         entry: &Entry,
-        found: &[Found],
+        found: &[AssembledEvent],
         through: u64,
-    ) -> Result<Own, StoreError> {
+    ) -> Result<OwnJournal, StoreError> {
         match self.local.acquire(map).await {
             Ok(_) => {}
-            Err(StoreError::UnknownMap { .. }) => return Ok(Own::Other),
+            Err(StoreError::UnknownMap { .. }) => return Ok(OwnJournal::Other),
             Err(error) => return Err(error),
         }
         if self.local.damage(map).await?.iter().any(|damage| damage.lost.is_some()) {
-            return Ok(Own::Other);
+            return Ok(OwnJournal::Other);
         }
         // A stream without events begins behind the newest snapshot, or NATS has lost what it held.
         let begin = found.first().map_or(through, |found| sequence_of(found.event.revision) - 1);
@@ -117,16 +117,16 @@ impl ReplicatedStore {
             Err(StoreError::Truncated { through: dropped, .. }) if dropped < last => {
                 (dropped, self.local.read(map, dropped).await?)
             }
-            Err(StoreError::Truncated { .. }) => return Ok(Own::Other),
+            Err(StoreError::Truncated { .. }) => return Ok(OwnJournal::Other),
             own => (begin, own?),
         };
-        let is_known = |found: &&Found| sequence_of(found.event.revision) <= begin;
+        let is_known = |found: &&AssembledEvent| sequence_of(found.event.revision) <= begin;
         let found = &found[found.iter().take_while(is_known).count()..];
         let mut same = 0;
         if found.is_empty() {
             // No event tells that both are one history.
             if !self.is_of(map, entry) || !self.has_snapshot(map, entry, through).await? {
-                return Ok(Own::Other);
+                return Ok(OwnJournal::Other);
             }
             same = through;
         }
@@ -141,16 +141,16 @@ impl ReplicatedStore {
                 Some((_, bytes)) if bytes == found.encoded => {
                     same = sequence_of(found.event.revision);
                 }
-                Some(_) => return Ok(Own::Other),
-                None if same == 0 => return Ok(Own::Other),
-                None => return Ok(Own::Through(same)),
+                Some(_) => return Ok(OwnJournal::Other),
+                None if same == 0 => return Ok(OwnJournal::Other),
+                None => return Ok(OwnJournal::Through(same)),
             }
         }
         let beyond: Vec<_> = encoded.collect();
         Ok(if beyond.is_empty() && same == through {
-            Own::Through(same)
+            OwnJournal::Through(same)
         } else {
-            Own::Beyond(beyond)
+            OwnJournal::Beyond(beyond)
         })
     }
 
@@ -176,13 +176,13 @@ impl ReplicatedStore {
         &self,
         map: &str,
         entry: &Entry,
-        found: &[Found],
-        own: Own,
+        found: &[AssembledEvent],
+        own: OwnJournal,
     ) -> Result<Vec<(u64, Vec<u8>)>, StoreError> {
         let from = match own {
-            Own::Beyond(beyond) => return Ok(beyond),
-            Own::Through(through) => through,
-            Own::Other => self.make_anew(map, entry).await?,
+            OwnJournal::Beyond(beyond) => return Ok(beyond),
+            OwnJournal::Through(through) => through,
+            OwnJournal::Other => self.make_anew(map, entry).await?,
         };
         let epoch = self.local.acquire(map).await?;
         let missing = found.iter().filter(|found| sequence_of(found.event.revision) > from);

@@ -384,7 +384,7 @@ fn options(nats: &Nats) -> ReplicationOptions {
 }
 
 /// Takes the next task.
-async fn taken(worker: &WorkerLink) -> covis::store::Taken {
+async fn taken(worker: &WorkerLink) -> covis::store::ClaimedTask {
     loop {
         if let Some(taken) = worker.next().await.unwrap() {
             return taken;

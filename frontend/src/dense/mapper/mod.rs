@@ -76,7 +76,7 @@ pub struct AnchoredFrame {
 
 /// A frame of the log.
 #[derive(Clone, Copy, Debug)]
-struct Placed {
+struct IntegratedFrame {
     keyframe: usize,
     keyframe_from_camera: Se3,
     /// The pose at which it was integrated.
@@ -98,7 +98,7 @@ pub struct DenseMapper {
     pub(super) volume: PagedVolume,
     ceiling: Option<MemoryCeiling>,
     log: FrameLog,
-    frames: Vec<Placed>,
+    frames: Vec<IntegratedFrame>,
     keyframes: BTreeMap<usize, Se3>,
     /// Whether keyframes moved since the last check found no frame that is off.
     moved: bool,
@@ -159,7 +159,7 @@ impl DenseMapper {
             self.volume.integrate(&mut self.integrator, &posed(&frame, &world_from_camera));
         integrated.inspect_err(|_| self.log.forget_last())?;
         self.keyframes.entry(keyframe).or_insert(*world_from_keyframe);
-        self.frames.push(Placed { keyframe, keyframe_from_camera, world_from_camera });
+        self.frames.push(IntegratedFrame { keyframe, keyframe_from_camera, world_from_camera });
         Ok(())
     }
 
@@ -219,7 +219,7 @@ impl DenseMapper {
     }
 
     /// The current pose of a frame.
-    fn pose(&self, placed: &Placed) -> Se3 {
+    fn pose(&self, placed: &IntegratedFrame) -> Se3 {
         match self.keyframes.get(&placed.keyframe) {
             Some(keyframe) => keyframe.compose(&placed.keyframe_from_camera),
             None => placed.world_from_camera,

@@ -71,7 +71,7 @@ pub(super) struct Columns {
 }
 
 /// The content of columns whose blocks are all in memory.
-pub(super) struct Standing<'a> {
+pub(super) struct ResidentColumns<'a> {
     columns: &'a Columns,
     volume: &'a Volume,
 }
@@ -131,7 +131,7 @@ impl Columns {
         volume: &mut PagedVolume,
         heights: [f64; 2],
         empty: T,
-        value: impl Fn(&Standing<'_>, usize, usize) -> T + Sync,
+        value: impl Fn(&ResidentColumns<'_>, usize, usize) -> T + Sync,
     ) -> Result<Vec<T>, PageError> {
         let Ground { width, height, .. } = self.ground;
         let edge = if volume.paging().is_some() { SQUARE } else { width.max(height).max(1) };
@@ -144,7 +144,7 @@ impl Columns {
                 let square = [[left, top], [right - 1, top + rows.len() - 1]];
                 let (low, high) = self.voxels(square, heights);
                 let volume = volume.bring_between(low, high)?;
-                let standing = Standing { columns: self, volume };
+                let standing = ResidentColumns { columns: self, volume };
                 rows.par_iter_mut().enumerate().for_each(|(j, row)| {
                     for (i, cell) in (left..).zip(&mut row[left..right]) {
                         *cell = value(&standing, i, top + j);
@@ -175,7 +175,7 @@ impl Columns {
     }
 }
 
-impl Standing<'_> {
+impl ResidentColumns<'_> {
     /// What is over the center of a cell at a height in resolutions.
     pub(super) fn at(&self, i: usize, j: usize, height: f64) -> VoxelState {
         let voxel = self.columns.in_voxels(i, j, height).map(|v| v.round() as i64);

@@ -3,7 +3,7 @@
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
 
-use super::scene::{View, camera, distorted_camera, furnished, looking, path, render, surface};
+use super::scene::{Rendered, camera, distorted_camera, furnished, looking, path, render, surface};
 use super::{fuse, volume};
 use crate::dense::block::{BlockKey, DISTANCE_ONE};
 use crate::dense::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
@@ -68,7 +68,7 @@ fn what_moves_is_not_integrated() {
     let camera = camera();
     let pose = path(0);
     let scene = furnished();
-    let View { depth_m, color, solid } = render(&scene, &camera, &pose, None);
+    let Rendered { depth_m, color, solid } = render(&scene, &camera, &pose, None);
     let moving = solid.map(|solid| if solid == 2 { 255 } else { 0 });
     let mut volume = volume(0.02);
     let frame = DenseFrame {

@@ -10,7 +10,7 @@ use covis_solvers::geometry::Se3;
 use super::integrate::{DenseFrame, IntegrationOptions, Integrator};
 use super::surface::{self, Mesh};
 use super::volume::{Volume, VolumeOptions};
-use scene::{Scene, View, camera, distorted_camera, furnished, path, render, rmse_m};
+use scene::{Rendered, Scene, camera, distorted_camera, furnished, path, render, rmse_m};
 
 /// A volume with a truncation of eight voxels.
 fn volume(voxel_m: f32) -> Volume {
@@ -22,8 +22,8 @@ pub(super) fn extract(volume: &Volume) -> Mesh {
     surface::extract(&mut volume.clone().into()).unwrap()
 }
 
-fn fuse(integrator: &mut Integrator, volume: &mut Volume, view: &View, pose: &Se3) {
-    let View { depth_m, color, .. } = view;
+fn fuse(integrator: &mut Integrator, volume: &mut Volume, view: &Rendered, pose: &Se3) {
+    let Rendered { depth_m, color, .. } = view;
     let frame = DenseFrame { depth_m, color, moving: None, world_from_camera: pose };
     integrator.integrate(volume, &frame).unwrap();
 }

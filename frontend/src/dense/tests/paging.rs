@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::extract;
-use super::scene::{Scene, Shape, View, looking, render};
+use super::scene::{Rendered, Scene, Shape, looking, render};
 use crate::camera::FrameCamera;
 use crate::dense::block::{Block, BlockKey};
 use crate::dense::file;
@@ -63,7 +63,7 @@ fn show(
 ) -> Result<(), IntegrateError> {
     let (pose, camera) = (pose(frame), small_camera());
     let scene = corridor(frame >= FRAMES / 2);
-    let View { depth_m, color, .. } = render(&scene, &camera, &pose, Some(frame as u64));
+    let Rendered { depth_m, color, .. } = render(&scene, &camera, &pose, Some(frame as u64));
     let frame =
         DenseFrame { depth_m: &depth_m, color: &color, moving: None, world_from_camera: &pose };
     volume.integrate(integrator, &frame)
@@ -206,7 +206,7 @@ fn a_frame_that_makes_no_sense_moves_nothing() {
         show(&mut integrator, &mut paged, frame).unwrap();
     }
     let before = paged.paging().unwrap();
-    let View { depth_m, color, .. } = render(&corridor(false), &small_camera(), &pose(0), None);
+    let Rendered { depth_m, color, .. } = render(&corridor(false), &small_camera(), &pose(0), None);
     let mut odd = pose(0);
     odd.translation.x = f64::NAN;
     let frame =

@@ -86,7 +86,7 @@ pub(super) fn furnished() -> Scene {
 }
 
 /// What a camera sees: depth, color, and the number of the solid.
-pub(super) struct View {
+pub(super) struct Rendered {
     pub(super) depth_m: Image<f32>,
     pub(super) color: Image<[u8; 3]>,
     pub(super) solid: Image<u8>,
@@ -123,9 +123,14 @@ pub(super) fn path(frame: usize) -> Se3 {
 }
 
 /// Depth is exact, or with a Kinect's noise from a seed.
-pub(super) fn render(scene: &Scene, camera: &FrameCamera, pose: &Se3, noise: Option<u64>) -> View {
+pub(super) fn render(
+    scene: &Scene,
+    camera: &FrameCamera,
+    pose: &Se3,
+    noise: Option<u64>,
+) -> Rendered {
     let (width, height) = camera.size();
-    let mut view = View {
+    let mut view = Rendered {
         depth_m: Image::filled(width, height, 0.0),
         color: Image::filled(width, height, [0; 3]),
         solid: Image::filled(width, height, 0),

@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use super::super::covisible::{can_be_numbered, covisible_pairs};
 use super::super::eliminator::Kernels;
-use super::super::held::Held;
 use super::super::layout::{Layout, NO_BLOCK};
+use super::super::maybe_owned::MaybeOwned;
 use super::super::reduce::block_pairs;
 use super::{BundleSystem, Solver, Variables, pose_factors};
 use crate::bundle_adjustment::LinearSolver;
@@ -73,7 +73,7 @@ impl BorderedSystem {
         let values = 8 * pattern.value_count() as u64 + 24 * pattern.stored_block_count() as u64;
         let price = costs.paired(slots).plus_bytes(values + partial.price().bytes);
         limits.ceiling.admit(&price)?;
-        let held = Held::Owned(problem);
+        let held = MaybeOwned::Owned(problem);
         let variables = Variables::new(held, &layout, kernels, class, interrupt.clone());
         let solver = Solver::Partial(Box::new(partial));
         let parts = (LinearSolver::SparseSchur, pattern, solver, Some(pairs));

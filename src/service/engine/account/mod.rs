@@ -306,11 +306,11 @@ impl Drop for HeldEntities {
 #[derive(Clone, Debug)]
 pub struct Accounts {
     server: Arc<Account>,
-    known: Arc<Mutex<Known>>,
+    known: Arc<Mutex<AccountTable>>,
 }
 
 #[derive(Debug, Default)]
-struct Known {
+struct AccountTable {
     tenants: BTreeMap<String, Arc<Account>>,
     /// Limits of every tenant that has no limits of its own.
     common: AccountLimits,
@@ -329,7 +329,7 @@ impl Accounts {
     /// Accounts with the limits of the server, of each tenant and of each map.
     #[must_use]
     pub fn new(server: AccountLimits, tenant: AccountLimits, map: AccountLimits) -> Self {
-        let known = Known { common: tenant, maps: map, ..Known::default() };
+        let known = AccountTable { common: tenant, maps: map, ..AccountTable::default() };
         Self {
             server: Account::new(Owner::Server, "", None, server),
             known: Arc::new(Mutex::new(known)),

@@ -84,7 +84,7 @@ fn place(number: u64) -> Vec<Described<'static>> {
 
 /// The candidates for what a keyframe sees.
 fn candidates(places: &Places, map: &Map, keyframe: i64, interrupt: &Interrupt) -> Vec<i64> {
-    let view = View::of_keyframe(map, map.keyframes().get(&id(keyframe)).unwrap()).unwrap();
+    let view = QueryView::of_keyframe(map, map.keyframes().get(&id(keyframe)).unwrap()).unwrap();
     let found = places.candidates(map, &view, interrupt, &|_| false).unwrap();
     found.iter().map(|candidate| candidate.keyframe.id).collect()
 }

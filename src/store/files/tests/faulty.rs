@@ -42,7 +42,7 @@ pub(super) enum Survives {
 
 /// A resource that is used up until it is released.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Lack {
+pub(super) enum Shortage {
     Space,
     Descriptors,
 }
@@ -65,7 +65,7 @@ struct World {
     log: Vec<&'static str>,
     fault: Option<(usize, Fault)>,
     dead: bool,
-    lack: Option<Lack>,
+    lack: Option<Shortage>,
 }
 
 /// The disk. Clones share it.
@@ -93,7 +93,7 @@ impl FaultyDisk {
     }
 
     /// Sets which resource is used up from now on, if any.
-    pub(super) fn lack(&self, lack: Option<Lack>) {
+    pub(super) fn lack(&self, lack: Option<Shortage>) {
         self.world().lack = lack;
     }
 
@@ -230,8 +230,10 @@ impl World {
         let number = self.log.len();
         self.log.push(what);
         let lacking = match self.lack {
-            Some(Lack::Space) => ["create folder", "create", "append", "overwrite"].contains(&what),
-            Some(Lack::Descriptors) => ["create", "overwrite", "sync folder"].contains(&what),
+            Some(Shortage::Space) => {
+                ["create folder", "create", "append", "overwrite"].contains(&what)
+            }
+            Some(Shortage::Descriptors) => ["create", "overwrite", "sync folder"].contains(&what),
             None => false,
         };
         if lacking {
@@ -255,13 +257,13 @@ impl World {
 
     fn lacks(&self) -> io::Error {
         match self.lack {
-            Some(Lack::Descriptors) => io::Error::from_raw_os_error(24),
-            Some(Lack::Space) | None => error(ErrorKind::StorageFull),
+            Some(Shortage::Descriptors) => io::Error::from_raw_os_error(24),
+            Some(Shortage::Space) | None => error(ErrorKind::StorageFull),
         }
     }
 
     fn alive(&self) -> io::Result<()> {
-        if self.lack == Some(Lack::Descriptors) {
+        if self.lack == Some(Shortage::Descriptors) {
             return Err(self.lacks());
         }
         if self.dead { Err(error(ErrorKind::BrokenPipe)) } else { Ok(()) }

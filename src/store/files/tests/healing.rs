@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::faulty::{FaultyDisk, Lack, Survives};
+use super::faulty::{FaultyDisk, Shortage, Survives};
 use super::script::{event, fold, open, stored};
 use crate::store::files::disk::Disk;
 use crate::store::files::folders::{self, Folder};
@@ -11,7 +11,7 @@ use crate::store::{Store, StoreError};
 
 #[tokio::test]
 async fn a_journal_goes_on_once_there_is_room_again() {
-    for lack in [Lack::Space, Lack::Descriptors] {
+    for lack in [Shortage::Space, Shortage::Descriptors] {
         let disk = FaultyDisk::new();
         let store = open(&disk).unwrap();
         let epoch = store.create_map("a", None).await.unwrap();
@@ -64,7 +64,7 @@ async fn a_read_without_descriptors_fails_that_call_only() {
     let disk = disk.after(Survives::Everything);
     let store = open(&disk).unwrap();
     let epoch = store.acquire("a").await.unwrap();
-    disk.lack(Some(Lack::Descriptors));
+    disk.lack(Some(Shortage::Descriptors));
     let refused = store.read("a", 0).await;
     assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{refused:?}");
     disk.lack(None);
@@ -81,7 +81,7 @@ async fn a_folder_that_cannot_be_looked_at_for_want_of_descriptors_is_not_taken_
     store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
     let maps = Path::new("/data/maps");
     let names = disk.list(maps).unwrap();
-    disk.lack(Some(Lack::Descriptors));
+    disk.lack(Some(Shortage::Descriptors));
     for name in &names {
         let found = folders::look(&disk, maps, name);
         assert!(

@@ -96,7 +96,7 @@ pub(super) fn fold(last: i64, kind: i64) -> Map {
 
 /// The model of a map.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Known {
+pub(super) struct MapModel {
     /// Distinguishes its events from those of other maps.
     pub(super) kind: i64,
     /// The last event that was passed to the store.
@@ -109,7 +109,7 @@ pub(super) struct Known {
 
 /// The requests and answers so far.
 #[derive(Debug, Default)]
-pub(super) struct Model(pub(super) BTreeMap<&'static str, Known>);
+pub(super) struct Model(pub(super) BTreeMap<&'static str, MapModel>);
 
 /// A writer of one map.
 struct Writer<'a> {
@@ -153,7 +153,7 @@ async fn create<'a>(
     map: &'static str,
     kind: i64,
 ) -> Result<Writer<'a>, StoreError> {
-    model.0.insert(map, Known { kind, ..Known::default() });
+    model.0.insert(map, MapModel { kind, ..MapModel::default() });
     let epoch = store.create_map(map, None).await?;
     Ok(Writer { store, map, epoch })
 }

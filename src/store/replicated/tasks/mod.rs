@@ -28,7 +28,7 @@ use super::bucket::latest;
 use super::connect::{bucket, nats};
 use super::{ReplicationError, ReplicationOptions};
 use crate::store::{EncodingError, TaskError};
-pub use worker::{Taken, WorkerLink};
+pub use worker::{ClaimedTask, WorkerLink};
 
 /// How long what belongs to a task is kept after its last change. A server that still waits then submits
 /// the task again.

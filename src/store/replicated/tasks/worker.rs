@@ -69,7 +69,7 @@ impl WorkerLink {
     ///
     /// # Errors
     /// [`TaskError`].
-    pub async fn next(&self) -> Result<Option<Taken>, TaskError> {
+    pub async fn next(&self) -> Result<Option<ClaimedTask>, TaskError> {
         let fetched = self.tasks.consumer.fetch().max_messages(1).expires(WAITS).messages().await;
         let mut fetched = fetched.map_err(|error| failed("taking a task", &error))?;
         let Some(message) = fetched.next().await else { return Ok(None) };
@@ -86,7 +86,7 @@ impl WorkerLink {
             let entry = Entry { worker: Some(self.name.clone()), attempts, ..entry };
             if let Some(revision) = self.tasks.replace(&task, &entry, revision).await? {
                 let (tasks, held) = (self.tasks.clone(), Mutex::new((entry, revision)));
-                return Ok(Some(Taken { tasks, task, attempts, message, held }));
+                return Ok(Some(ClaimedTask { tasks, task, attempts, message, held }));
             }
         }
     }
@@ -103,7 +103,7 @@ impl WorkerLink {
 
 /// A task that this worker has, as long as no other one has it and its owner waits.
 #[derive(Debug)]
-pub struct Taken {
+pub struct ClaimedTask {
     tasks: Tasks,
     task: String,
     attempts: u32,
@@ -112,7 +112,7 @@ pub struct Taken {
     held: Mutex<(Entry, u64)>,
 }
 
-impl Taken {
+impl ClaimedTask {
     /// Its name.
     pub fn name(&self) -> &str {
         &self.task

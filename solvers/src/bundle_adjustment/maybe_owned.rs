@@ -7,12 +7,12 @@ use std::ops::{Deref, DerefMut};
 use crate::problem::BundleProblem;
 
 /// The problem of a system: the caller's, or its own.
-pub(super) enum Held<'a> {
+pub(super) enum MaybeOwned<'a> {
     Borrowed(&'a mut BundleProblem),
     Owned(Box<BundleProblem>),
 }
 
-impl Deref for Held<'_> {
+impl Deref for MaybeOwned<'_> {
     type Target = BundleProblem;
 
     fn deref(&self) -> &BundleProblem {
@@ -23,7 +23,7 @@ impl Deref for Held<'_> {
     }
 }
 
-impl DerefMut for Held<'_> {
+impl DerefMut for MaybeOwned<'_> {
     fn deref_mut(&mut self) -> &mut BundleProblem {
         match self {
             Self::Borrowed(problem) => problem,
