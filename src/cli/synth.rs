@@ -14,7 +14,7 @@ use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions, write_seq
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(subcommand)]
-    what: Kind,
+    kind: Kind,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -43,7 +43,7 @@ struct Rgbd {
 
 /// Draws and writes.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let Kind::Rgbd(Rgbd { out, scene, seed, frames, no_noise }) = &args.what;
+    let Kind::Rgbd(Rgbd { out, scene, seed, frames, no_noise }) = &args.kind;
     let options =
         SequenceOptions { frames: *frames, seed: *seed, noise: !no_noise, ..Default::default() };
     let mut progress = Progress::new("frames", *frames as u64);

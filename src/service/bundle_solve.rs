@@ -38,18 +38,18 @@ impl Input {
 /// Reads a request.
 pub(super) fn input(
     request: v1::SolveBundleRequest,
-    means: &SolveBudget,
+    budget: &SolveBudget,
 ) -> Result<Input, ServiceError> {
     let (bundle, gauge, options) = convert(|out| {
         let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
-        let options = options(request.options.as_ref(), Systems::Bundle, means.threads, None, out);
+        let options = options(request.options.as_ref(), Systems::Bundle, budget.threads, None, out);
         let loss = loss?.unwrap_or(Loss::Trivial);
         let message = request.problem.as_ref();
         let mut bundle = problem::bundle(message, loss, request.refine_intrinsics, out)?;
         let gauge = problem::hold_gauge(request.gauge, &mut bundle, out);
         let options = options?;
         let options = Options {
-            optimizer: optimizer::Options { ceiling: means.ceiling, ..options.optimizer },
+            optimizer: optimizer::Options { ceiling: budget.ceiling, ..options.optimizer },
             linear_solver: options.linear_solver,
             ..Options::default()
         };

@@ -155,7 +155,7 @@ fn solve_bundle(mut request: v1::SolveBundleRequest) {
     let problem = request.problem.as_ref();
     let size = problem.map_or((0, 0), |p| (p.poses.len(), p.observations.len()));
     let is_small = is_small(size) && problem.is_some_and(|p| p.points.len() <= MOST_FACTORS);
-    let Ok(read) = bundle_solve::input(request, &means()) else { return };
+    let Ok(read) = bundle_solve::input(request, &budget()) else { return };
     if is_small {
         expect_status(bundle_solve::run(read, &Interrupt::NEVER));
     }
@@ -168,7 +168,7 @@ fn solve_pose_graph(mut request: v1::SolvePoseGraphRequest) {
         Some(Graph::Se2(graph)) => (graph.vertices.len(), graph.edges.len()),
         None => (0, 0),
     };
-    let Ok(read) = graph_solve::input(request, &means()) else { return };
+    let Ok(read) = graph_solve::input(request, &budget()) else { return };
     if is_small(size) {
         expect_status(graph_solve::run(read, &Interrupt::NEVER));
     }
@@ -177,13 +177,13 @@ fn solve_pose_graph(mut request: v1::SolvePoseGraphRequest) {
 fn refine_pose(mut request: v1::RefinePoseRequest) {
     bound(&mut request.options);
     let is_small = request.observations.len() <= MOST_FACTORS;
-    let Ok(read) = refine::input(request, &means()) else { return };
+    let Ok(read) = refine::input(request, &budget()) else { return };
     if is_small {
         expect_status(refine::run(read, &Interrupt::NEVER));
     }
 }
 
-fn means() -> SolveBudget {
+fn budget() -> SolveBudget {
     SolveBudget { threads: THREADS, ceiling: EngineConfig::default().ceiling(), deadline: None }
 }
 

@@ -63,12 +63,12 @@ impl Input {
 /// Reads a request.
 pub(super) fn input(
     request: v1::SolvePoseGraphRequest,
-    means: &SolveBudget,
+    budget: &SolveBudget,
 ) -> Result<Input, ServiceError> {
     Ok(convert(|out| {
         let graph_loss = loss(Path::root("loss"), request.loss.as_ref(), out);
         let systems = Systems::PoseGraph;
-        let options = options(request.options.as_ref(), systems, means.threads, None, out);
+        let options = options(request.options.as_ref(), systems, budget.threads, None, out);
         let at = Path::root("robust");
         let robust = robustness(at, request.robust.as_ref(), ClosureRobustness::NONE, out);
         let graph_loss = graph_loss?.unwrap_or(Loss::Trivial);
@@ -85,7 +85,7 @@ pub(super) fn input(
             }
         };
         let (certify, include_iterations) = (request.certify, request.include_iterations);
-        let options = Options { ceiling: means.ceiling, ..options?.optimizer };
+        let options = Options { ceiling: budget.ceiling, ..options?.optimizer };
         let settings = Settings { options, robust, certify, include_iterations };
         Some(Input { graph: graph?, settings })
     })?)

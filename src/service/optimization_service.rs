@@ -102,8 +102,8 @@ impl Rpcs {
         let deadline = solve_deadline(&request, bytes);
         let (threads, ceiling) =
             (self.context.maps.pool().threads(), self.context.config.engine.ceiling());
-        let (request, means) = (request.into_inner(), SolveBudget { threads, ceiling, deadline });
-        let input = read(bytes, move || input(request, &means)).await?;
+        let (request, budget) = (request.into_inner(), SolveBudget { threads, ceiling, deadline });
+        let input = read(bytes, move || input(request, &budget)).await?;
         let (estimate, cancel) = (estimate(&input), CancelOnDrop::default());
         let interrupt = cancel.interrupt(deadline);
         self.solve(&caller, estimate, deadline, move || run(input, &interrupt)).await?

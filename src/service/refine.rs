@@ -39,21 +39,21 @@ pub(super) struct Input {
     prior: Option<Prior>,
     options: pose_refinement::Options,
     include_information: bool,
-    means: SolveBudget,
+    budget: SolveBudget,
 }
 
 impl Input {
     /// The expected cost of its solve.
     pub(super) fn estimate(&self) -> Estimate {
         let bound = pose_refinement::price_bound(self.observations.len());
-        Estimate::new(bound, self.options.optimizer.max_iterations, &self.means.ceiling)
+        Estimate::new(bound, self.options.optimizer.max_iterations, &self.budget.ceiling)
     }
 }
 
 /// Reads a request.
 pub(super) fn input(
     request: v1::RefinePoseRequest,
-    means: &SolveBudget,
+    budget: &SolveBudget,
 ) -> Result<Input, ServiceError> {
     Ok(convert(|out| {
         let at = Path::root("camera");
@@ -63,7 +63,7 @@ pub(super) fn input(
         let observations = point_observations(&request.observations, out);
         let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
         let systems = Systems::SinglePose;
-        let options = options(request.options.as_ref(), systems, means.threads, None, out);
+        let options = options(request.options.as_ref(), systems, budget.threads, None, out);
         let prior = prior(request.prior.as_ref(), out);
         if request.include_covariance {
             let _: Option<()> = out.unimplemented(Path::root("include_covariance"));
@@ -76,7 +76,7 @@ pub(super) fn input(
             prior: prior?,
             options: pose_refinement::Options { optimizer: options?.optimizer, loss, class: None },
             include_information: request.include_information,
-            means: *means,
+            budget: *budget,
         })
     })?)
 }
@@ -88,7 +88,7 @@ pub(super) fn run(
 ) -> Result<v1::RefinePoseResponse, ServiceError> {
     let Input { camera, start, observations, .. } = &input;
     // The time that is left after the wait in the queue.
-    let left = input.means.deadline.map(|at| at.saturating_duration_since(Instant::now()));
+    let left = input.budget.deadline.map(|at| at.saturating_duration_since(Instant::now()));
     let optimizer = input.options.optimizer;
     let deadline = optimizer.deadline.into_iter().chain(left).min();
     let optimizer = optimizer::Options { deadline, ..optimizer };

@@ -42,9 +42,9 @@ impl Checkpoints {
     pub(super) fn new(
         storage: impl CheckpointStorage + 'static,
         holds: bool,
-        means: &SolveContext<'_>,
+        context: &SolveContext<'_>,
     ) -> Self {
-        let (cancellation, tell) = (Arc::clone(&means.cancellation), Arc::clone(&means.tell));
+        let (cancellation, tell) = (Arc::clone(&context.cancellation), Arc::clone(&context.tell));
         Self { storage: Box::new(storage), last_s: 0.0, holds, cancellation, tell }
     }
 

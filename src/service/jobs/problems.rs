@@ -95,8 +95,8 @@ type AllSolved = (Vec<v1::SolvedProblem>, Option<(f64, f64)>, Value);
 
 /// Solves the files of an upload.
 pub(super) async fn solve(run: &Run<'_>, spec: &v1::SolveFilesSpec) -> Result<Made, ServiceError> {
-    let how = SolvingOptions { keep: spec.keep_solutions, rebuild: false };
-    let (problems, costs, report) = solve_all(run, &spec.upload_id, spec.kind(), how).await?;
+    let options = SolvingOptions { keep: spec.keep_solutions, rebuild: false };
+    let (problems, costs, report) = solve_all(run, &spec.upload_id, spec.kind(), options).await?;
     let result = Kind::SolveFiles(v1::SolveFilesResult { problems });
     Ok(Made { result, costs, report })
 }
@@ -106,9 +106,9 @@ pub(super) async fn rebuild(
     run: &Run<'_>,
     spec: &v1::ReconstructSpec,
 ) -> Result<Made, ServiceError> {
-    let how = SolvingOptions { keep: spec.keep_solutions, rebuild: true };
+    let options = SolvingOptions { keep: spec.keep_solutions, rebuild: true };
     let kind = v1::ProblemFileKind::Bundle;
-    let (problems, costs, report) = solve_all(run, &spec.upload_id, kind, how).await?;
+    let (problems, costs, report) = solve_all(run, &spec.upload_id, kind, options).await?;
     let result = v1::ReconstructResult { problems, ..v1::ReconstructResult::default() };
     Ok(Made { result: Kind::Reconstruct(result), costs, report })
 }
@@ -117,7 +117,7 @@ async fn solve_all(
     run: &Run<'_>,
     upload_id: &str,
     kind: v1::ProblemFileKind,
-    how: SolvingOptions,
+    options: SolvingOptions,
 ) -> Result<AllSolved, ServiceError> {
     let missing = || JobError::UploadNotFound { upload: upload_id.to_owned() };
     let upload = run.entry.upload.clone().ok_or_else(missing)?;
@@ -146,7 +146,7 @@ async fn solve_all(
                 ..v1::JobProgress::default()
             };
         });
-        let (task, inputs) = task(run, (&path, &problem), &upload, how);
+        let (task, inputs) = task(run, (&path, &problem), &upload, options);
         // What a worker made is kept for this server until it is written down.
         let (solved, _outstanding) = one(run, &task, inputs, number(index)).await?;
         let Solved { summary, reconstruction, mut report, files } = solved;
@@ -195,7 +195,7 @@ fn task(
     run: &Run<'_>,
     (path, problem): (&str, &Problem),
     upload: &JobUpload,
-    how: SolvingOptions,
+    options: SolvingOptions,
 ) -> (Task, Vec<u32>) {
     let (format, indices) = match problem {
         Problem::Bal(index) => (Format::Bal, vec![*index]),
@@ -204,7 +204,7 @@ fn task(
     };
     let files = indices.iter().filter_map(|&index| upload.files.get(index).cloned()).collect();
     let ceiling = run.context.config.engine.ceiling();
-    let task = Task { path: path.to_owned(), format, files, how, ceiling };
+    let task = Task { path: path.to_owned(), format, files, options, ceiling };
     (task, indices.into_iter().map(number).collect())
 }
 
@@ -228,7 +228,7 @@ async fn one(
         inputs.into_iter().map(read).collect()
     };
     let maps = &run.context.maps;
-    let means = SolveContext {
+    let solve_context = SolveContext {
         pool: maps.pool(),
         account: maps.pool().accounts().tenant(&run.entry.key.0),
         meters: maps.meters(),
@@ -237,8 +237,8 @@ async fn one(
     };
     let on_disk = OnDisk::new(run.context, run.entry, index);
     let holds = run.context.config.holds("hold-checkpoint");
-    let kept = Checkpoints::new(on_disk, holds, &means);
-    Ok((solving::solve(task, &means, read, kept).await?, None))
+    let kept = Checkpoints::new(on_disk, holds, &solve_context);
+    Ok((solving::solve(task, &solve_context, read, kept).await?, None))
 }
 
 /// Shows progress as the job's.

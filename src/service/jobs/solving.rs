@@ -64,7 +64,7 @@ pub(super) struct Task {
     pub(super) format: Format,
     /// Path and length in bytes of each of its files.
     pub(super) files: Vec<(String, u64)>,
-    pub(super) how: SolvingOptions,
+    pub(super) options: SolvingOptions,
     pub(super) ceiling: Ceiling,
 }
 
@@ -114,16 +114,16 @@ pub(super) struct Solved {
 /// Those of `read`, [`JobError::BadFile`], [`ServiceError::Unsolvable`], and RESOURCE_EXHAUSTED.
 pub(super) async fn solve(
     task: &Task,
-    means: &SolveContext<'_>,
+    context: &SolveContext<'_>,
     read: impl FnOnce() -> Result<Vec<Vec<u8>>, ServiceError> + Send + 'static,
     mut kept: Checkpoints,
 ) -> Result<Solved, ServiceError> {
-    let Task { path, how, ceiling, .. } = task;
-    let (how, ceiling) = (*how, *ceiling);
-    let source = means.read(task, read).await?;
-    let cancellation = Arc::clone(&means.cancellation);
-    (means.tell)(&mut |progress| progress.phase = format!("solves {path}"));
-    let tell = Arc::clone(&means.tell);
+    let Task { path, options, ceiling, .. } = task;
+    let (options, ceiling) = (*options, *ceiling);
+    let source = context.read(task, read).await?;
+    let cancellation = Arc::clone(&context.cancellation);
+    (context.tell)(&mut |progress| progress.phase = format!("solves {path}"));
+    let tell = Arc::clone(&context.tell);
     let mut left = TimeLeft::new(MOST_ITERATIONS);
     let mut stages = StagesLeft::default();
     let path = path.clone();
@@ -142,9 +142,10 @@ pub(super) async fn solve(
     match source {
         Source::Graph(graph) => {
             let estimate = graph_estimate(&graph, &ceiling).map_err(bad_file)?;
-            let work =
-                move || solve_graph(*graph, (&path, how.keep), ceiling, &cancellation, &mut tell);
-            means.pooled(estimate, work).await
+            let work = move || {
+                solve_graph(*graph, (&path, options.keep), ceiling, &cancellation, &mut tell)
+            };
+            context.pooled(estimate, work).await
         }
         source @ (Source::Bal(_) | Source::Colmap(..)) => {
             let prepare = move || source.to_problem().map(|problem| (source, problem));
@@ -155,9 +156,16 @@ pub(super) async fn solve(
             let estimate = Estimate::new(bound, MOST_ITERATIONS, &ceiling);
             let work = move || {
                 let problem = (source, problem);
-                solve_bundle(problem, (&path, how), &mut kept, ceiling, &cancellation, &mut tell)
+                solve_bundle(
+                    problem,
+                    (&path, options),
+                    &mut kept,
+                    ceiling,
+                    &cancellation,
+                    &mut tell,
+                )
             };
-            means.pooled(estimate, work).await
+            context.pooled(estimate, work).await
         }
     }
 }
@@ -273,7 +281,7 @@ fn unsolvable(error: SolveError) -> ServiceError {
 
 fn solve_bundle(
     (mut source, mut solved): (Source, ColmapProblem),
-    (path, how): (&str, SolvingOptions),
+    (path, options): (&str, SolvingOptions),
     kept: &mut Checkpoints,
     ceiling: Ceiling,
     cancellation: &Cancellation,
@@ -286,7 +294,7 @@ fn solve_bundle(
     let images = &solved.image_ids;
     let id = |pose: usize| images.get(pose).map_or(pose as i64, |&image| image.into());
     let bundle = &mut solved.problem;
-    let reconstruction = match how.rebuild {
+    let reconstruction = match options.rebuild {
         false => None,
         true => {
             let mut step = |step: &Progress| {
@@ -303,15 +311,16 @@ fn solve_bundle(
         ceiling,
         ..optimizer::Options::default()
     };
-    let options = bundle_adjustment::Options { optimizer, ..bundle_adjustment::Options::default() };
+    let solver_options =
+        bundle_adjustment::Options { optimizer, ..bundle_adjustment::Options::default() };
     let from = kept.last();
-    let solve = solve_kept(bundle, &options, from.as_ref(), kept, &mut |row| {
+    let solve = solve_kept(bundle, &solver_options, from.as_ref(), kept, &mut |row| {
         tell(&SolveStep::Iteration(*row));
         control()
     });
     let solve = solve.map_err(unsolvable)?;
     let after = bundle_cost(bundle);
-    let mut summary = to_summary(&solve.solve, options.optimizer.method);
+    let mut summary = to_summary(&solve.solve, solver_options.optimizer.method);
     add_costs(&mut summary, &before, &after);
     summary.linear_solver = to_linear_solver(solve.linear_solver).into();
     summary.gauge = v1::Gauge::Free.into();
@@ -329,7 +338,8 @@ fn solve_bundle(
     });
     report::join(&mut document, report::reconstruction(reconstruction.as_ref()));
     report::join(&mut document, report::solve(Some(&summary), &to_iterations(&solve.solve, true)));
-    let files = if how.keep { source.files(&solved, path).map_err(bad_file)? } else { Vec::new() };
+    let files =
+        if options.keep { source.files(&solved, path).map_err(bad_file)? } else { Vec::new() };
     Ok(Solved { summary, reconstruction, report: document, files })
 }
 

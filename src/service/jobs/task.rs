@@ -60,7 +60,7 @@ const FORMATS: [(u32, Format); 4] = [
 
 /// A task for a worker.
 pub(super) fn encode_task(task: &Task) -> Vec<u8> {
-    let Task { path, format, files, how, ceiling } = task;
+    let Task { path, format, files, options, ceiling } = task;
     let number = FORMATS.iter().find(|(_, known)| known == format).map_or(0, |(n, _)| *n);
     let file = |(path, size): &(String, u64)| v1::JobFile {
         path: path.clone(),
@@ -70,8 +70,8 @@ pub(super) fn encode_task(task: &Task) -> Vec<u8> {
         path: path.clone(),
         format: number,
         files: files.iter().map(file).collect(),
-        keep: how.keep,
-        rebuild: how.rebuild,
+        keep: options.keep,
+        rebuild: options.rebuild,
         ceiling_bytes: ceiling.bytes,
         ceiling_flops: ceiling.flops_per_iteration,
     };
@@ -89,7 +89,7 @@ pub(super) fn decode_task(bytes: &[u8]) -> Option<Task> {
         path: message.path,
         format,
         files: message.files.into_iter().map(size).collect(),
-        how: SolvingOptions { keep: message.keep, rebuild: message.rebuild },
+        options: SolvingOptions { keep: message.keep, rebuild: message.rebuild },
         ceiling: Ceiling { bytes, flops_per_iteration },
     })
 }

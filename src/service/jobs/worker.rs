@@ -167,7 +167,7 @@ impl Worker {
         for index in 0..files.len() {
             inputs.push(taken.input(index).await?);
         }
-        let means = SolveContext {
+        let solve_context = SolveContext {
             pool: &self.pool,
             account: self.pool.accounts().tenant(""),
             meters: &self.meters,
@@ -175,8 +175,8 @@ impl Worker {
             tell,
         };
         let storage = InQueue { taken: Arc::clone(taken), runtime: Handle::current() };
-        let kept = Checkpoints::new(storage, self.holds, &means);
-        Ok(solving::solve(&task, &means, move || Ok(inputs), kept).await)
+        let kept = Checkpoints::new(storage, self.holds, &solve_context);
+        Ok(solving::solve(&task, &solve_context, move || Ok(inputs), kept).await)
     }
 }
 

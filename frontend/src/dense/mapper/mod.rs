@@ -219,18 +219,18 @@ impl DenseMapper {
     }
 
     /// The current pose of a frame.
-    fn pose(&self, placed: &IntegratedFrame) -> Se3 {
-        match self.keyframes.get(&placed.keyframe) {
-            Some(keyframe) => keyframe.compose(&placed.keyframe_from_camera),
-            None => placed.world_from_camera,
+    fn pose(&self, frame: &IntegratedFrame) -> Se3 {
+        match self.keyframes.get(&frame.keyframe) {
+            Some(keyframe) => keyframe.compose(&frame.keyframe_from_camera),
+            None => frame.world_from_camera,
         }
     }
 
     /// Whether a frame's pose differs from the one at which it was integrated.
     fn is_stale(&self, tolerance_voxels: f64) -> bool {
         let tolerance_m = tolerance_voxels * f64::from(self.volume.options().voxel_m);
-        self.frames.iter().any(|placed| {
-            let moved = placed.world_from_camera.inverse().compose(&self.pose(placed));
+        self.frames.iter().any(|frame| {
+            let moved = frame.world_from_camera.inverse().compose(&self.pose(frame));
             let turned = moved.rotation.log().norm() * USUAL_RANGE_M;
             moved.translation.norm() + turned > tolerance_m
         })
@@ -240,8 +240,8 @@ impl DenseMapper {
     /// the first.
     fn integrate_again(&mut self) -> Result<bool, DenseError> {
         let next = self.rebuild.as_ref().map_or(0, |rebuild| rebuild.poses.len());
-        if let Some(placed) = self.frames.get(next) {
-            let pose = self.pose(placed);
+        if let Some(frame) = self.frames.get(next) {
+            let pose = self.pose(frame);
             let frame = self.log.read(next)?;
             if self.rebuild.is_none() {
                 self.share_memory(2);
@@ -255,8 +255,8 @@ impl DenseMapper {
         }
         let caught_up = |rebuild: &mut Rebuild| rebuild.poses.len() == self.frames.len();
         let Some(rebuild) = self.rebuild.take_if(caught_up) else { return Ok(false) };
-        for (placed, pose) in self.frames.iter_mut().zip(rebuild.poses) {
-            placed.world_from_camera = pose;
+        for (frame, pose) in self.frames.iter_mut().zip(rebuild.poses) {
+            frame.world_from_camera = pose;
         }
         self.volume = rebuild.volume;
         self.share_memory(1);

@@ -118,9 +118,9 @@ impl Columns {
         with: impl Fn(T, i64, VoxelState) -> T + Sync,
     ) -> Result<Vec<T>, PageError> {
         let [first, last] = self.heights;
-        self.map(volume, [first as f64, last as f64], empty, |standing, i, j| {
+        self.map(volume, [first as f64, last as f64], empty, |columns, i, j| {
             (first..=last)
-                .fold(empty, |value, height| with(value, height, standing.at(i, j, height as f64)))
+                .fold(empty, |value, height| with(value, height, columns.at(i, j, height as f64)))
         })
     }
 
@@ -144,10 +144,10 @@ impl Columns {
                 let square = [[left, top], [right - 1, top + rows.len() - 1]];
                 let (low, high) = self.voxels(square, heights);
                 let volume = volume.bring_between(low, high)?;
-                let standing = ResidentColumns { columns: self, volume };
+                let columns = ResidentColumns { columns: self, volume };
                 rows.par_iter_mut().enumerate().for_each(|(j, row)| {
                     for (i, cell) in (left..).zip(&mut row[left..right]) {
-                        *cell = value(&standing, i, top + j);
+                        *cell = value(&columns, i, top + j);
                     }
                 });
             }
