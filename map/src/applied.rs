@@ -16,6 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use nalgebra::Vector3;
 
+use super::numbers::is_finite;
 use super::window::is_well_placed;
 use super::{
     AppliedSolve, ClientIndex, ClosureEdge, ConstraintKind, EntityId, GraphProblem, Keyframe,
@@ -195,6 +196,13 @@ fn motion(now: &Keyframe, new: Option<&Se3>) -> Option<Se3> {
     Some(new.compose(&now.world_from_camera.inverse()))
 }
 
+/// Where a motion takes a landmark; `None` where that overflows, so that a landmark near the largest numbers
+/// stays and holds up no other.
+fn carried(motion: &Se3, position: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let moved = motion.transform(position);
+    is_finite(&moved).then_some(moved)
+}
+
 /// New poses of the keyframes that arrived after the solve began.
 fn late_poses(
     map: &Map,
@@ -264,7 +272,7 @@ fn followers(
             };
             last = Some((reference, motion));
             (!is_solved(&id)).then_some(())?;
-            Some((id, motion?.transform(&position)))
+            Some((id, carried(motion?, &position)?))
         };
         let mut all = Vec::with_capacity(map.landmarks().len());
         all.extend(map.landmarks().iter().filter_map(moved));
@@ -278,8 +286,9 @@ fn followers(
             if landmark.reference == Some(id)
                 && !is_solved(&observation.landmark)
                 && let Some(position) = &landmark.position
+                && let Some(position) = carried(&motion, position)
             {
-                moved.push((observation.landmark, motion.transform(position)));
+                moved.push((observation.landmark, position));
             }
         }
     }

@@ -110,6 +110,11 @@ impl Map {
             hash.u64(index);
             hash.f64(client.scale);
         }
+        let gone = (0_u64..).zip(self.clients()).filter(|(_, client)| client.has_left);
+        for (index, _) in gone {
+            hash.tag(9);
+            hash.u64(index);
+        }
         if self.is_frozen() {
             hash.tag(1);
         }

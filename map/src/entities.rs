@@ -37,6 +37,9 @@ pub struct Client {
     /// Length in the map of a unit of length as the client sends it, positive. 1, unless its map was made
     /// without a measured length and was scaled when it became part of this one.
     pub scale: f64,
+    /// Whether it left with a map that was merged and taken out again. It is then in no list, has nothing in
+    /// the map, and keeps its position, because others refer to theirs; opening a stream brings it back.
+    pub has_left: bool,
     /// The digests of the last 65,536 journaled items by sequence, kept past optimization.
     pub items: SharedMap<i64, Digest>,
 }
@@ -56,6 +59,7 @@ impl Client {
             closure_variance: 1.0,
             earlier_frames: Vec::new(),
             scale: 1.0,
+            has_left: false,
             items: SharedMap::default(),
         }
     }
@@ -249,6 +253,21 @@ pub struct SwitchedOff {
     pub is_provisional: bool,
 }
 
+impl Constraint {
+    /// Whether its numbers are possible.
+    pub(super) fn is_possible(&self) -> bool {
+        let loss = self.loss.is_none_or(|loss| loss.is_valid());
+        numbers::is_pose(&self.keyframe_i_from_keyframe_j) && loss
+    }
+}
+
+impl SwitchedOff {
+    /// Whether its numbers are finite.
+    pub(super) fn is_possible(&self) -> bool {
+        self.chi2.is_finite() && self.weight.is_finite()
+    }
+}
+
 /// A measurement of one keyframe in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "a map has few priors, and plain values stay Copy")]
@@ -287,12 +306,16 @@ impl Prior {
         }
     }
 
-    /// Whether its measurement is of finite numbers.
-    pub(super) fn is_finite(&self) -> bool {
+    /// Whether its numbers are possible.
+    pub(super) fn is_possible(&self) -> bool {
         match self {
-            Self::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
-            Self::Position { position_in_world, point_in_camera, .. } => {
-                numbers::is_finite(position_in_world) && numbers::is_finite(point_in_camera)
+            Self::Pose { world_from_camera, loss, .. } => {
+                numbers::is_pose(world_from_camera) && loss.is_valid()
+            }
+            Self::Position { position_in_world, point_in_camera, loss, .. } => {
+                numbers::is_finite(position_in_world)
+                    && numbers::is_finite(point_in_camera)
+                    && loss.is_valid()
             }
         }
     }

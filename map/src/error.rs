@@ -66,7 +66,7 @@ pub enum MapError {
     /// A map from outside holds what no event makes.
     #[error("{kind} {id} {what}")]
     Unsound { kind: EntityKind, id: EntityId, what: &'static str },
-    /// A map from outside has a client or a number that no event makes.
+    /// A map from outside, or a policy, has what no event makes.
     #[error("{what}")]
     UnsoundMap { what: &'static str },
     /// The event carries a number that is not finite, or not positive where it has to be.

@@ -129,6 +129,37 @@ pub struct Retired {
 }
 
 impl Change {
+    /// Its kind, for messages, logs and metrics.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Created { .. } => "created",
+            Self::ClientOpened { .. } => "client_opened",
+            Self::CameraSet { .. } => "camera_set",
+            Self::KeyframeAdded { .. } => "keyframe_added",
+            Self::LandmarksAdded { .. } => "landmarks_added",
+            Self::ObservationsAdded { .. } => "observations_added",
+            Self::ConstraintAdded { .. } => "constraint_added",
+            Self::PriorAdded { .. } => "prior_added",
+            Self::LandmarksTriangulated { .. } => "landmarks_triangulated",
+            Self::SolveApplied { .. } => "solve_applied",
+            Self::ObservationsRemoved { .. } => "observations_removed",
+            Self::LandmarksFused { .. } => "landmarks_fused",
+            Self::DuplicatesFound { .. } => "duplicates_found",
+            Self::DuplicatesSplit { .. } => "duplicates_split",
+            Self::PlacesSearched { .. } => "places_searched",
+            Self::LandmarksRemoved { .. } => "landmarks_removed",
+            Self::KeyframeRemoved { .. } => "keyframe_removed",
+            Self::KeyframeRetired { .. } => "keyframe_retired",
+            Self::ConstraintRevoked { .. } => "constraint_revoked",
+            Self::MapMerged { .. } => "map_merged",
+            Self::MapTakenOut { .. } => "map_taken_out",
+            Self::ItemRepeated => "item_repeated",
+            Self::PolicySet { .. } => "policy_set",
+            Self::MapUpdated { .. } => "map_updated",
+        }
+    }
+
     /// Whether entities change that the event does not name: what a removed keyframe sees, and
     /// duplicates of removed landmarks.
     pub fn changes_others(&self) -> bool {
@@ -290,6 +321,9 @@ pub enum Change {
     MapTakenOut {
         /// See [`MergedMap::name`](super::MergedMap::name).
         name: String,
+        /// See [`Client::has_left`](super::Client::has_left); `false` in journals of earlier versions, which
+        /// kept the clients.
+        clients_leave: bool,
     },
     /// An item repeated what the map already holds, under another sequence: only the sequence is new,
     /// so that the client's acknowledged sequences have no gap.

@@ -6,12 +6,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use covis_solvers::geometry::{Camera, Geodetic, LieGroup, Se3};
+use covis_solvers::geometry::{Camera, Geodetic, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use nalgebra::Vector3;
 
-use super::numbers::is_finite;
+use super::numbers::{is_finite, is_pose, is_valid_camera};
 use super::{ConstraintKind, Descriptor, Edit, NewLandmark, Observation};
 
 /// A reference as a client writes it.
@@ -181,13 +181,6 @@ impl Item {
     }
 }
 
-/// Whether a camera's numbers are finite and its focal lengths positive.
-pub fn is_valid_camera(camera: &Camera) -> bool {
-    let focal_lengths = if matches!(camera, Camera::Snavely(_)) { 1 } else { 2 };
-    let parameters = camera.parameters();
-    camera.is_finite() && parameters.iter().take(focal_lengths).all(|&f| f > 0.0)
-}
-
 impl Item {
     /// Whether each number is finite, and positive where its description says so. Items from the
     /// wire are; this guards a map against programs that make items themselves.
@@ -203,17 +196,21 @@ impl Item {
             Self::Keyframe {
                 world_from_camera, odom_from_camera, observations, landmarks, ..
             } => {
-                world_from_camera.is_finite()
-                    && odom_from_camera.is_none_or(|pose| pose.is_finite())
+                is_pose(world_from_camera)
+                    && odom_from_camera.as_ref().is_none_or(is_pose)
                     && are_measured(observations)
                     && are_placed(landmarks)
             }
             Self::Landmarks { landmarks } => are_placed(landmarks),
             Self::Observations { observations, .. } => are_measured(observations),
-            Self::RelativePose { keyframe_i_from_keyframe_j: pose, .. }
-            | Self::PosePrior { world_from_camera: pose, .. } => pose.is_finite(),
-            Self::PositionPrior { position, point_in_camera, .. } => {
-                position.is_valid() && is_finite(point_in_camera)
+            Self::RelativePose { keyframe_i_from_keyframe_j: pose, loss, .. } => {
+                is_pose(pose) && loss.is_none_or(|loss| loss.is_valid())
+            }
+            Self::PosePrior { world_from_camera: pose, loss, .. } => {
+                is_pose(pose) && loss.is_valid()
+            }
+            Self::PositionPrior { position, point_in_camera, loss, .. } => {
+                position.is_valid() && is_finite(point_in_camera) && loss.is_valid()
             }
         }
     }

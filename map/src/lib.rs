@@ -76,11 +76,10 @@ pub use event::{
     AppliedSolve, Cause, Change, Event, LastRequest, NewLandmark, RequestId, Retired, SolveKind,
 };
 pub use ids::{ClientIndex, EntityId};
-pub use item::{
-    EntityRef, Item, ItemLandmark, ItemObservation, MeasuredPosition, PartialItem, is_valid_camera,
-};
+pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, MeasuredPosition, PartialItem};
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
 pub use merging::{Link, Merge, MergeError, MergedClient, MergedMap};
+pub use numbers::is_valid_camera;
 pub use observations::Observations;
 pub use observers::Observers;
 pub use parts::MapParts;

@@ -91,7 +91,7 @@ pub(super) fn information<const N: usize>(
         // The factors first: a product of three would not be symmetric to the bit.
         matrix[(i, j)] * (by(i) * by(j))
     });
-    Information::new(&scaled).ok()
+    Information::semidefinite(&scaled).ok()
 }
 
 /// A measurement in the world. `None` where numbers overflow.

@@ -4,26 +4,14 @@
 //! own. A file that somebody uploads may hold anything: here each number is checked as an item's
 //! numbers are, and what the fold keeps true of every map. Nothing is changed or repaired.
 
-use covis_solvers::geometry::{LieGroup, Se3};
-
-use super::item::is_valid_camera;
-use super::numbers::{is_finite, is_positive};
+use super::numbers::{is_finite, is_policy, is_pose, is_positive, is_similarity, is_valid_camera};
 use super::scaling::SCALES;
 use super::{
     Affected, Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark,
-    MAX_NUMBER, Map, MapError, Observation, PendingSolve, PlaceRefusal, PlaceSearch, Prior,
-    SolveRequest,
+    MAX_NUMBER, Map, MapError, Observation, PendingSolve, PlaceRefusal, PlaceSearch, SolveRequest,
 };
 
-/// How far a rotation's norm may be from 1: rounding alone stays far below.
-const UNIT_TOLERANCE: f64 = 1e-6;
-
 type Outcome = Result<(), MapError>;
-
-fn is_pose(pose: &Se3) -> bool {
-    let norm = pose.rotation.quaternion().coords.norm();
-    pose.is_finite() && (norm - 1.0).abs() <= UNIT_TOLERANCE
-}
 
 fn check(holds: bool, kind: EntityKind, id: EntityId, what: &'static str) -> Outcome {
     if holds { Ok(()) } else { Err(MapError::Unsound { kind, id, what }) }
@@ -47,10 +35,8 @@ impl Map {
             (1..=MAX_NUMBER).contains(&self.revision()),
             "the map's revision is not possible",
         )?;
-        let losses = [self.policy().observation_loss, self.policy().constraint_loss];
-        check_map(losses.iter().all(|loss| loss.is_valid()), "a loss is not possible")?;
-        let anchor = self.policy().geodetic_anchor.is_none_or(|anchor| anchor.is_valid());
-        check_map(anchor, "the map's geodetic anchor is not possible")?;
+        let text = "a loss, a threshold or the geodetic anchor of the map's policy is not possible";
+        check_map(is_policy(self.policy()), text)?;
         self.clients_are_sound()?;
         for (&id, entity) in self.cameras() {
             self.own(id, EntityKind::Camera)?;
@@ -61,8 +47,12 @@ impl Map {
         self.landmarks().iter().try_for_each(|(&id, landmark)| self.landmark(id, landmark))?;
         self.constraints_are_sound()?;
         for (&id, off) in self.switched_off() {
-            let is_finite = off.chi2.is_finite() && off.weight.is_finite();
-            check(is_finite, EntityKind::Constraint, id, "is switched off by what is no number")?;
+            check(
+                off.is_possible(),
+                EntityKind::Constraint,
+                id,
+                "is switched off by what is no number",
+            )?;
         }
         for &id in self.duplicates().compared() {
             // It may have been revoked a moment ago.
@@ -78,7 +68,7 @@ impl Map {
         let known = clients.into_iter().all(|client| self.client(client.index).is_some());
         check_map(known, "a merged map has a client that is not possible")?;
         let placed = self.merged().iter().map(|merged| &merged.target_from_source);
-        let placed = placed.into_iter().all(|at| at.is_finite() && SCALES.contains(&at.scale));
+        let placed = placed.into_iter().all(is_similarity);
         check_map(placed, "a merged map lies where it cannot")?;
         for &(content, id) in self.contents().keys() {
             let (kind, is_known) = match content {
@@ -106,6 +96,7 @@ impl Map {
                 closure_variance,
                 earlier_frames,
                 scale,
+                has_left,
                 items,
             } = client;
             let numbers = (1..=MAX_NUMBER).contains(epoch)
@@ -127,6 +118,8 @@ impl Map {
             let text = "a client's variance factor is not possible";
             check_map(is_positive(*closure_variance), text)?;
             check_map(SCALES.contains(scale), "a client's scale is not possible")?;
+            let is_gone = !has_left || (*next_sequence == 1 && pending_solve.is_none());
+            check_map(is_gone, "a client that left has items")?;
         }
         Ok(())
     }
@@ -215,21 +208,13 @@ impl Map {
             let is_ours = ours.contains(&constraint.kind);
             check(is_id(id, is_ours), kind, id, "has an id that is not possible")?;
             let ends = constraint.keyframe_i != constraint.keyframe_j;
-            let measured = is_pose(&constraint.keyframe_i_from_keyframe_j);
-            let loss = constraint.loss.is_none_or(|loss| loss.is_valid());
-            check(ends && measured && loss, kind, id, "measures what is not possible")?;
+            check(ends && constraint.is_possible(), kind, id, "measures what is not possible")?;
         }
         for (&id, prior) in self.priors() {
             check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
             check(is_id(id, true), kind, id, "has an id that is not possible")?;
             check(!self.constraints().contains_key(&id), kind, id, "is in the map twice")?;
-            let measured = match prior {
-                Prior::Pose { world_from_camera, loss, .. } => {
-                    is_pose(world_from_camera) && loss.is_valid()
-                }
-                Prior::Position { loss, .. } => prior.is_finite() && loss.is_valid(),
-            };
-            check(measured, kind, id, "measures what is not possible")?;
+            check(prior.is_possible(), kind, id, "measures what is not possible")?;
         }
         Ok(())
     }

@@ -13,7 +13,9 @@ use serde::Serialize;
 
 use super::output::{show, succeed_if};
 use super::progress::Working;
-use crate::store::{Damage, JobCheckup, MapCheckup, back_up, check_up, check_up_jobs};
+use crate::store::{
+    Damage, JobCheckup, LostEvent, MapCheckup, Repair, back_up, check_up, check_up_jobs,
+};
 
 /// Looks at the journals, snapshots and jobs of a data directory that no server uses.
 #[derive(Debug, clap::Args)]
@@ -24,6 +26,10 @@ pub(super) struct DoctorArgs {
     /// deleted. Jobs are left as they are: one that is damaged is not listed by the server.
     #[arg(long)]
     repair: bool,
+    /// With --repair: where an event of a journal is intact and cannot be read, give it up with all that
+    /// follow it, which are listed. The files are set aside; nothing is deleted.
+    #[arg(long, requires = "repair")]
+    cut: bool,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -64,6 +70,9 @@ struct CheckedMap<'a> {
     segments: &'a [String],
     snapshot: Option<u64>,
     damage: Vec<DamagedPart<'a>>,
+    /// From the first one that cannot be read.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    unreadable_events: Vec<LostLine<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     failure: Option<&'a str>,
     set_aside: &'a [PathBuf],
@@ -76,6 +85,16 @@ struct DamagedPart<'a> {
     byte: u64,
     first_lost: Option<u64>,
     last_lost: Option<u64>,
+}
+
+/// An event that is not in the recovered map; `null` where it was the server's own.
+#[derive(Debug, Serialize)]
+struct LostLine<'a> {
+    event: i64,
+    kind: &'static str,
+    time_ns: i64,
+    client: Option<&'a str>,
+    sequence: Option<i64>,
 }
 
 /// A copied map; its name is `null` where it is lost.
@@ -91,7 +110,12 @@ struct CopiedMap<'a> {
 pub(super) fn doctor(args: &DoctorArgs) -> anyhow::Result<()> {
     holds_maps(&args.data_dir)?;
     let working = Working::new(format_args!("looking at {}", args.data_dir.display()));
-    let checkups = check_up(&args.data_dir, args.repair)
+    let repair = match (args.repair, args.cut) {
+        (_, true) => Repair::Cut,
+        (true, false) => Repair::Damage,
+        (false, false) => Repair::No,
+    };
+    let checkups = check_up(&args.data_dir, repair)
         .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
     let jobs = &check_up_jobs(&args.data_dir)
         .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
@@ -184,12 +208,13 @@ fn complaints(checkup: &MapCheckup) -> impl Iterator<Item = String> {
 }
 
 fn checked(checkup: &MapCheckup) -> CheckedMap<'_> {
-    let damage = checkup.damage.iter().map(|Damage { file, offset, lost }| DamagedPart {
-        file,
-        byte: *offset,
-        first_lost: lost.map(|(first, _)| first),
-        last_lost: lost.map(|(_, last)| last),
-    });
+    let damage =
+        checkup.damage.iter().map(|Damage { file, offset, lost, unreadable: _ }| DamagedPart {
+            file,
+            byte: *offset,
+            first_lost: lost.map(|(first, _)| first),
+            last_lost: lost.map(|(_, last)| last),
+        });
     CheckedMap {
         map: checkup.map.as_deref(),
         folder: &checkup.folder,
@@ -197,9 +222,26 @@ fn checked(checkup: &MapCheckup) -> CheckedMap<'_> {
         segments: &checkup.segments,
         snapshot: checkup.snapshot,
         damage: damage.collect(),
+        unreadable_events: checkup.unreadable.iter().map(lost_line).collect(),
         failure: checkup.failure.as_deref(),
         set_aside: &checkup.set_aside,
     }
+}
+
+fn lost_line(LostEvent { event, client }: &LostEvent) -> LostLine<'_> {
+    let sequence = event.cause.map(|(_, sequence)| sequence);
+    let (kind, time_ns) = (event.kind, event.time_ns);
+    LostLine { event: event.revision, kind, time_ns, client: client.as_deref(), sequence }
+}
+
+/// An event that is not in the recovered map, in a line.
+fn lost_event(LostEvent { event, client }: &LostEvent) -> String {
+    let item = match (event.cause, client) {
+        (Some((_, sequence)), Some(client)) => format!(", item {sequence} of client {client:?}"),
+        (Some((_, sequence)), None) => format!(", item {sequence}"),
+        (None, _) => String::new(),
+    };
+    format!("not in the map: event {} ({}){item}", event.revision, event.kind)
 }
 
 fn describe(checkup: &MapCheckup) -> Vec<String> {
@@ -212,6 +254,7 @@ fn describe(checkup: &MapCheckup) -> Vec<String> {
     let first =
         format!("{name}: revision {revision}, {files} journal files, {snapshot}, in {folder}");
     let aside = checkup.set_aside.iter().map(|path| format!("set aside: {}", path.display()));
-    let further = complaints(checkup).chain(aside).map(|line| format!("  {line}"));
+    let lost = checkup.unreadable.iter().map(lost_event);
+    let further = complaints(checkup).chain(lost).chain(aside).map(|line| format!("  {line}"));
     std::iter::once(first).chain(further).collect()
 }

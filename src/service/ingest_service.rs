@@ -236,6 +236,12 @@ fn to_ack(ack: Ack, omit_summary: bool) -> v1::IngestAck {
                         description: error.to_string(),
                     });
                 }
+                SolveReport::Refused { reason } => {
+                    message.solve_failure = Some(v1::SolveFailure {
+                        reason: v1::ViolationReason::OutOfRange.into(),
+                        description: format!("the result is not possible: {reason}"),
+                    });
+                }
             }
             v1::AckStatus::Optimized
         }

@@ -452,6 +452,7 @@ fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
     }
     let fault = match name.as_str() {
         "panic-in-solve" => Fault::PanicInSolve,
+        "impossible-result" => Fault::ImpossibleResult,
         "panic-in-engine" => Fault::PanicInEngine,
         "fail-calls" => Fault::FailCalls,
         _ => return Err(ServerError::UnknownFault { name: name.clone() }),

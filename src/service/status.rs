@@ -219,6 +219,7 @@ fn engine(mut error: EngineError) -> Parts {
     match error {
         EngineError::MapNotFound { .. } => parts(Code::NotFound, "MAP_NOT_FOUND"),
         EngineError::MapExists { .. } => parts(Code::AlreadyExists, "MAP_EXISTS"),
+        EngineError::Refused { .. } => parts(Code::FailedPrecondition, "CHANGE_REFUSED"),
         EngineError::Poisoned { .. } => parts(Code::FailedPrecondition, "MAP_POISONED"),
         EngineError::Frozen { .. } => parts(Code::FailedPrecondition, "MAP_FROZEN"),
         EngineError::Moving { .. } => parts(Code::Unavailable, "MAP_MOVING").retry(RETRY_MOVING),
@@ -289,6 +290,7 @@ fn store(error: StoreError) -> Parts {
         StoreError::Failed { map, cause: _ } => parts(Code::Internal, "STORE_FAILED", map),
         // The map can be read; it accepts changes again after the disk was repaired.
         StoreError::Stopped { map, .. }
+        | StoreError::Unfit { map, .. }
         | StoreError::Later { map, .. }
         | StoreError::Ambiguous { map, .. } => parts(Code::FailedPrecondition, "MAP_POISONED", map),
         StoreError::Damaged { map, mut damage } => {
@@ -309,6 +311,7 @@ fn store(error: StoreError) -> Parts {
         StoreError::Fenced { .. }
         | StoreError::SequenceMismatch { .. }
         | StoreError::Truncated { .. }
+        | StoreError::NotReadable { .. }
         | StoreError::NoSnapshot { .. }
         | StoreError::File { .. }
         | StoreError::Content { .. }
@@ -384,7 +387,8 @@ mod tests {
     fn an_answer_names_the_map_and_no_file_of_the_server() {
         let (map, path) =
             ("a".to_owned(), "/srv/covis/maps/00ff/00000000000000000001.log".to_owned());
-        let damage = Damage { file: path.clone(), offset: 44, lost: Some((1, 3)) };
+        let (file, lost) = (path.clone(), Some((1, 3)));
+        let damage = Damage { file, offset: 44, lost, unreadable: None };
         let damaged = status(StoreError::Damaged { map: map.clone(), damage });
         let text = "map \"a\" takes no changes: 00000000000000000001.log is damaged at byte 44: \
                     events 1 to 3 are lost";

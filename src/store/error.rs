@@ -25,6 +25,25 @@ pub enum StoreError {
         /// Where clients reach it, as a URL, as far as it is known.
         owner: Option<String>,
     },
+    /// The event could not be read again as it is, so it is not written: a bug, or a value that no reader
+    /// accepts. Nothing was changed.
+    #[error("map {map:?}: event {sequence} ({kind}) could not be read again: {reason}")]
+    NotReadable {
+        map: String,
+        sequence: u64,
+        /// [`Change::name`](crate::map::Change::name).
+        kind: &'static str,
+        reason: String,
+    },
+    /// An event of the journal does not fit the map before it. What precedes it can be read.
+    #[error("map {map:?} takes no changes: event {sequence} ({kind}) does not fit: {reason}")]
+    Unfit {
+        map: String,
+        sequence: u64,
+        /// [`Change::name`](crate::map::Change::name).
+        kind: &'static str,
+        reason: String,
+    },
     /// The journal does not stand where the caller thinks, or an event is not numbered in order.
     #[error("map {map:?}: the journal needs sequence {expected}, the caller gave {actual}")]
     SequenceMismatch { map: String, expected: u64, actual: u64 },
@@ -123,11 +142,47 @@ pub struct Damage {
     /// The first and last sequence that are lost; `None` where a snapshot or a later file still has
     /// everything.
     pub lost: Option<(u64, u64)>,
+    /// The event that cannot be read although its bytes are intact; `None` where the bytes are not.
+    pub unreadable: Option<UnreadableEvent>,
+}
+
+/// An event whose bytes are those that were written, and which this version cannot read or apply.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnreadableEvent {
+    /// Its sequence in the journal.
+    pub sequence: u64,
+    /// [`Change::name`](crate::map::Change::name), or `unknown`.
+    pub kind: &'static str,
+    /// What is wrong with it.
+    pub reason: String,
+    /// Whether a later version wrote it.
+    pub is_later: bool,
+}
+
+impl Damage {
+    /// Damage of a part of a file in which bytes are not those that were written.
+    #[must_use]
+    pub(super) fn of_bytes(file: String, offset: u64, lost: Option<(u64, u64)>) -> Self {
+        Self { file, offset, lost, unreadable: None }
+    }
 }
 
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, offset, lost } = self;
+        let Self { file, offset, lost, unreadable } = self;
+        if let Some(UnreadableEvent { sequence, kind, reason, .. }) = unreadable {
+            write!(
+                f,
+                "{file} at byte {offset}: event {sequence} ({kind}) cannot be read: {reason}"
+            )?;
+            return match lost {
+                Some((first, last)) if first < last => {
+                    write!(f, "; events {first} to {last} are not in the map")
+                }
+                Some(_) => write!(f, "; it is not in the map"),
+                None => write!(f, "; a snapshot holds what it changed"),
+            };
+        }
         match lost {
             Some((first, last)) => {
                 write!(f, "{file} is damaged at byte {offset}: events {first} to {last} are lost")

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use async_trait::async_trait;
 use tokio::sync::watch;
 
+use super::encoding::encode_readable;
 use super::{Damage, Durability, Epoch, Flushed, Position, Store, StoreError, sequence_of};
 use crate::map::{Event, Map};
 use crate::sync::Mutex;
@@ -123,6 +124,13 @@ impl Store for MemoryStore {
                 let actual = sequence_of(event.revision);
                 if actual != expected {
                     return mismatch(expected, actual);
+                }
+            }
+            // What is in memory is read from there; tests find what could not be read from a disk.
+            if cfg!(debug_assertions) {
+                for event in &batch {
+                    encode_readable(event, &mut Vec::new())
+                        .map_err(|error| error.not_readable(map, event))?;
                 }
             }
             journal.events.extend(batch);

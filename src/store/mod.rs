@@ -39,13 +39,14 @@ mod reader;
 mod replicated;
 mod tasks;
 
-pub use encoding::EncodingError;
-pub use error::{Damage, StoreError};
+pub use encoding::{EncodingError, EventOutline};
+pub use error::{Damage, StoreError, UnreadableEvent};
 #[cfg(test)]
 #[allow(unused_imports, reason = "for a simulated disk outside this module")]
 pub(crate) use files::{Disk, DiskFile};
 pub use files::{
-    FileStore, FileStoreOptions, JobCheckup, MapCheckup, back_up, check_up, check_up_jobs,
+    FileStore, FileStoreOptions, JobCheckup, LostEvent, MapCheckup, Repair, back_up, check_up,
+    check_up_jobs,
 };
 pub use job_files::{
     FoundRecord, JobFile, JobFileError, JobFiles, JobFolder, JobRecord, JobUid, JobUpload,

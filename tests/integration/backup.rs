@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
 use covis::client::{Client, SessionOptions};
-use covis::store::{back_up, check_up};
+use covis::store::{Repair, back_up, check_up};
 use covis::wire::v1;
 
 use crate::cli_support::{Running, Workspace, golden};
@@ -75,7 +75,7 @@ fn what_was_durable_when_a_backup_began_is_in_it_whatever_is_written_meanwhile()
             assert!(!copied[0].is_damaged(), "{copied:?}");
             // The creation and the opening of the stream are events too.
             assert!(copied[0].revision >= u64::try_from(least).unwrap(), "{least}: {copied:?}");
-            assert_eq!(check_up(&copy, false).unwrap(), copied);
+            assert_eq!(check_up(&copy, Repair::No).unwrap(), copied);
         }
         writing.abort();
     });

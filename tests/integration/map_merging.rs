@@ -123,7 +123,7 @@ fn a_journal_with_a_merge_replays_to_the_bit() {
     let (mut target, _) = merged();
     let before = target.map.clone();
     assert_eq!(Map::replay(target.events.iter()).unwrap(), before);
-    target.push(Change::MapTakenOut { name: "floor-2".to_owned() });
+    target.push(Change::MapTakenOut { name: "floor-2".to_owned(), clients_leave: true });
     assert_eq!(Map::replay(target.events.iter()).unwrap(), target.map);
     is_whole(&target.map);
 }
@@ -152,7 +152,7 @@ fn a_map_that_is_taken_out_is_what_it_was() {
     assert_eq!(out.policy(), source.policy());
     // What is left is the target alone, with a client that has nothing.
     let alone = street(4, MapPolicy::default()).map;
-    target.push(Change::MapTakenOut { name: "floor-2".to_owned() });
+    target.push(Change::MapTakenOut { name: "floor-2".to_owned(), clients_leave: true });
     let left = &target.map;
     let ids = |map: &Map| map.keyframes().keys().copied().collect::<Vec<_>>();
     assert_eq!(ids(left), ids(&alone));
@@ -187,7 +187,7 @@ fn what_clients_see_of_each_other_stays_on_its_side_when_they_part() {
     let out = target.map.taken_out("floor-2").unwrap().unwrap();
     is_whole(&out);
     assert_eq!(out.observation_count(), source.observation_count());
-    target.push(Change::MapTakenOut { name: "floor-2".to_owned() });
+    target.push(Change::MapTakenOut { name: "floor-2".to_owned(), clients_leave: true });
     is_whole(&target.map);
     assert_eq!(
         target.map.observation_count(),
@@ -203,7 +203,7 @@ fn a_keyframe_that_stays_loses_a_camera_that_leaves() {
     *camera = Some(EntityRef { client: Some("robot-b".to_owned()), id: 0 });
     target.send(ROBOT, &item).unwrap();
     is_whole(&target.map);
-    target.push(Change::MapTakenOut { name: "floor-2".to_owned() });
+    target.push(Change::MapTakenOut { name: "floor-2".to_owned(), clients_leave: true });
     is_whole(&target.map);
     let keyframe = target.map.keyframes().get(&id(4)).unwrap();
     assert!(keyframe.camera.is_none() && keyframe.observations.is_empty());
@@ -231,7 +231,7 @@ fn maps_that_were_merged_into_a_merged_map_come_along() {
     let [before] = middle.map.merged() else { panic!() };
     assert_eq!((&left.name, &left.clients), (&before.name, &before.clients));
     assert!(left.target_from_source.minus(&before.target_from_source).norm() < 1e-9);
-    outer.push(Change::MapTakenOut { name: "floor-1".to_owned() });
+    outer.push(Change::MapTakenOut { name: "floor-1".to_owned(), clients_leave: true });
     assert!(outer.map.merged().is_empty() && outer.map.keyframes().is_empty());
 }
 
@@ -355,7 +355,7 @@ fn a_map_that_left_does_not_leave_again_with_another_one() {
     let merge = outer.map.merge_of(("floor-1", &middle.map), Se3::identity(), &names, &[]).unwrap();
     outer.push(Change::MapMerged { merge: Box::new(merge) });
     let inner = outer.map.taken_out("floor-2").unwrap().unwrap();
-    outer.push(Change::MapTakenOut { name: "floor-2".to_owned() });
+    outer.push(Change::MapTakenOut { name: "floor-2".to_owned(), clients_leave: true });
     let [floor] = outer.map.merged() else { panic!() };
     assert_eq!(floor.clients.len(), 1, "{floor:?}");
     // A map without clients leaves with no other.
@@ -369,10 +369,10 @@ fn a_map_that_left_does_not_leave_again_with_another_one() {
     outer.push(Change::MapMerged { merge: Box::new(merge) });
     let out = outer.map.taken_out("floor-1").unwrap().unwrap();
     assert_eq!((out.clients().len(), out.merged().len()), (1, 0));
-    outer.push(Change::MapTakenOut { name: "floor-1".to_owned() });
+    outer.push(Change::MapTakenOut { name: "floor-1".to_owned(), clients_leave: true });
     let left = |map: &Map| map.merged().iter().map(|m| m.name.clone()).collect::<Vec<_>>();
     assert_eq!(left(&outer.map), ["empty", "floor-2"]);
-    outer.push(Change::MapTakenOut { name: "floor-2".to_owned() });
+    outer.push(Change::MapTakenOut { name: "floor-2".to_owned(), clients_leave: true });
     assert_eq!(left(&outer.map), ["empty"]);
 }
 
@@ -423,7 +423,7 @@ fn an_event_of_a_merge_that_does_not_fit_changes_nothing() {
     let change = Change::MapMerged { merge: Box::new(merge) };
     let event = Event { revision: before.revision() + 1, time_ns: 0, cause: None, change };
     assert!(target.map.apply(&event).is_err());
-    let change = Change::MapTakenOut { name: "floor-3".to_owned() };
+    let change = Change::MapTakenOut { name: "floor-3".to_owned(), clients_leave: true };
     assert!(target.map.apply(&Event { change, ..event }).is_err());
     assert_eq!(target.map, before);
     assert!(MapParts::default().merged.is_empty());

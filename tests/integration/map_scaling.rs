@@ -300,7 +300,7 @@ fn an_undo_gives_the_map_back_in_its_own_unit() {
         tension(map, tie.unwrap()) + strain(map, prior.unwrap())
     };
     assert!((chi2(&out) / chi2(&source) - 1.0).abs() < 1e-9);
-    target.push(Change::MapTakenOut { name: "run".to_owned() });
+    target.push(Change::MapTakenOut { name: "run".to_owned(), clients_leave: true });
     assert_eq!(target.map.scale_of(GUEST), 1.0);
     assert_eq!(Map::replay(target.events.iter()).unwrap(), target.map);
     // It goes on in its own map as ever: what it repeats is what it sent.

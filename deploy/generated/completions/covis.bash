@@ -674,7 +674,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__doctor)
-            opts="-h --repair --json --config --log --log-format --help"
+            opts="-h --repair --cut --json --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0

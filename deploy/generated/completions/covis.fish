@@ -56,6 +56,7 @@ complete -c covis -n "__fish_covis_using_subcommand doctor" -l log -d 'Log level
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l repair -d 'Set damaged files aside and let their maps go on from what could be brought back; nothing is deleted. Jobs are left as they are: one that is damaged is not listed by the server'
+complete -c covis -n "__fish_covis_using_subcommand doctor" -l cut -d 'With --repair: where an event of a journal is intact and cannot be read, give it up with all that follow it, which are listed. The files are set aside; nothing is deleted'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l json -d 'Print one JSON object instead of text'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand backup" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F

@@ -6,14 +6,16 @@
 
 use std::collections::BTreeSet;
 
-use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
 
-use super::super::numbers::{is_finite, is_positive};
+use super::super::numbers::{
+    is_finite, is_policy, is_pose, is_positive, is_similarity, is_valid_camera,
+};
 use super::super::scaling::SCALES;
 use super::super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Comparison, Constraint, EntityId, EntityKind,
-    Event, Map, MapError, Merge, MergedClient, NewLandmark, Observation, Prior, Retired,
+    Event, Map, MapError, MapPolicy, Merge, MergedClient, NewLandmark, Observation, Prior, Retired,
 };
 
 impl Map {
@@ -46,6 +48,11 @@ struct Fit<'a> {
 
 type Outcome = Result<(), MapError>;
 
+fn policy_fits(policy: &MapPolicy) -> Outcome {
+    let what = "the policy has a loss, a threshold or an anchor that is not possible";
+    if is_policy(policy) { Ok(()) } else { Err(MapError::UnsoundMap { what }) }
+}
+
 impl Fit<'_> {
     fn cause(&self, cause: &Cause) -> Outcome {
         let (revision, client) = (self.revision, cause.client);
@@ -64,13 +71,12 @@ impl Fit<'_> {
 
     fn change(&self, change: &Change) -> Outcome {
         match change {
-            Change::Created { .. }
-            | Change::ItemRepeated
-            | Change::PolicySet { .. }
-            | Change::MapUpdated { .. } => Ok(()),
+            Change::ItemRepeated => Ok(()),
+            Change::Created { policy, .. } | Change::PolicySet { policy } => policy_fits(policy),
+            Change::MapUpdated { policy, .. } => policy.as_ref().map_or(Ok(()), policy_fits),
             Change::ClientOpened { name, epoch } => self.opening(name, *epoch),
             Change::CameraSet { id, camera } => {
-                self.finite(camera.camera.is_finite(), EntityKind::Camera, *id)
+                self.finite(is_valid_camera(&camera.camera), EntityKind::Camera, *id)
             }
             Change::KeyframeAdded {
                 id,
@@ -138,11 +144,15 @@ impl Fit<'_> {
                 landmarks.iter().try_for_each(|&id| self.landmark(id))
             }
             Change::PlacesSearched { searches, closures } => {
-                searches.iter().try_for_each(|(keyframe, _)| self.keyframe(*keyframe))?;
+                for (keyframe, search) in searches {
+                    self.keyframe(*keyframe)?;
+                    let scores = search.candidates.iter().all(|c| c.score.is_finite());
+                    self.finite(scores, EntityKind::Keyframe, *keyframe)?;
+                }
                 self.new_constraints(closures)
             }
             Change::MapMerged { merge } => self.merge(merge),
-            Change::MapTakenOut { name } => {
+            Change::MapTakenOut { name, .. } => {
                 let is_known = self.map.merged().iter().any(|merged| merged.name == *name);
                 self.present(is_known, EntityKind::Client, EntityId::MIN)
             }
@@ -190,14 +200,15 @@ impl Fit<'_> {
             self.absent(new.insert(*id), EntityKind::Constraint, *id)?;
             self.keyframe(constraint.keyframe_i)?;
             self.keyframe(constraint.keyframe_j)?;
-            let measured = constraint.keyframe_i_from_keyframe_j.is_finite();
-            self.finite(measured, EntityKind::Constraint, *id)?;
+            self.finite(constraint.is_possible(), EntityKind::Constraint, *id)?;
         }
         Ok(())
     }
 
     fn merge(&self, merge: &Merge) -> Outcome {
         let content = &*merge.content;
+        let is_placed = is_similarity(&merge.target_from_source);
+        self.finite(is_placed, EntityKind::Client, EntityId::MIN)?;
         let client = |index| EntityId { client: index, id: 0 };
         let mut next = self.map.clients().len();
         let mut taken = BTreeSet::new();
@@ -234,8 +245,7 @@ impl Fit<'_> {
             self.keyframe(closure.keyframe_i)?;
             let end = closure.keyframe_j;
             self.present(added.contains(&end), EntityKind::Keyframe, end)?;
-            let measured = closure.keyframe_i_from_keyframe_j.is_finite();
-            self.finite(measured, EntityKind::Constraint, *id)?;
+            self.finite(closure.is_possible(), EntityKind::Constraint, *id)?;
         }
         Ok(())
     }
@@ -252,7 +262,7 @@ impl Fit<'_> {
     }
 
     fn measured(&self, id: EntityId, prior: &Prior) -> Outcome {
-        self.finite(prior.is_finite(), EntityKind::Constraint, id)
+        self.finite(prior.is_possible(), EntityKind::Constraint, id)
     }
 
     fn opening(&self, name: &str, epoch: i64) -> Outcome {
@@ -326,12 +336,11 @@ impl Fit<'_> {
         self.positions(&solve.landmarks)?;
         for (id, camera) in &solve.cameras {
             self.camera(*id)?;
-            self.finite(camera.is_finite(), EntityKind::Camera, *id)?;
+            self.finite(is_valid_camera(camera), EntityKind::Camera, *id)?;
         }
         for (id, off) in &solve.switched_off {
             self.constraint(*id)?;
-            let is_finite = off.chi2.is_finite() && off.weight.is_finite();
-            self.finite(is_finite, EntityKind::Constraint, *id)?;
+            self.finite(off.is_possible(), EntityKind::Constraint, *id)?;
         }
         for id in &solve.switched_on {
             self.constraint(*id)?;
@@ -340,7 +349,7 @@ impl Fit<'_> {
             self.finite(is_positive(variance), EntityKind::Client, EntityId::new(client, 0))?;
         }
         for (client, frame) in &solve.left_frames {
-            self.finite(frame.is_finite(), EntityKind::Client, EntityId::new(*client, 0))?;
+            self.finite(is_pose(frame), EntityKind::Client, EntityId::new(*client, 0))?;
         }
         let varied = solve.closure_variances.iter().map(|&(client, _)| client);
         for client in solve.covered.iter().map(|&(client, _)| client).chain(varied) {
@@ -352,7 +361,7 @@ impl Fit<'_> {
     }
 
     fn pose(&self, id: EntityId, pose: &Se3) -> Outcome {
-        self.finite(pose.is_finite(), EntityKind::Keyframe, id)
+        self.finite(is_pose(pose), EntityKind::Keyframe, id)
     }
 
     fn camera(&self, id: EntityId) -> Outcome {

@@ -21,7 +21,10 @@ impl Map {
         for (client, at) in parts.clients.into_iter().zip(&positions) {
             let at = at.0 as usize;
             match self.parts.clients.get_mut(at) {
-                Some(known) => *known = Client { epoch: known.epoch.max(client.epoch), ..client },
+                Some(known) => {
+                    let epoch = known.epoch.max(client.epoch);
+                    *known = Client { epoch, has_left: false, ..client };
+                }
                 None => self.parts.clients.push(client),
             }
         }
@@ -82,7 +85,7 @@ impl Map {
     }
 
     /// Removes the clients that came with a merged map, and all that is theirs.
-    pub(super) fn take_out(&mut self, name: &str) {
+    pub(super) fn take_out(&mut self, name: &str, clients_leave: bool) {
         let Some(index) = self.parts.merged.iter().position(|merged| merged.name == name) else {
             return;
         };
@@ -119,7 +122,8 @@ impl Map {
         }
         for index in going {
             if let Some(client) = self.parts.clients.get_mut(index.0 as usize) {
-                *client = Client::new(&client.name, client.epoch);
+                let fresh = Client::new(&client.name, client.epoch);
+                *client = Client { has_left: clients_leave, ..fresh };
             }
         }
         self.parts.place_searches.unsolved = self.parts.revision;

@@ -143,7 +143,7 @@ impl Map {
             Change::KeyframeRetired { retired } => self.retire(retired),
             Change::ConstraintRevoked { id } => self.revoke(*id),
             Change::MapMerged { merge } => self.merge(merge),
-            Change::MapTakenOut { name } => self.take_out(name),
+            Change::MapTakenOut { name, clients_leave } => self.take_out(name, *clients_leave),
             // The cause contains everything.
             Change::ItemRepeated => {}
             Change::PolicySet { policy } => self.set_policy(*policy),
@@ -169,6 +169,7 @@ impl Map {
             Some(ClientIndex(index)) => {
                 let client = &mut self.parts.clients[index as usize];
                 client.epoch = epoch;
+                client.has_left = false;
                 client.drop_unusable_sequences();
             }
             None => self.parts.clients.push(Client::new(name, epoch)),

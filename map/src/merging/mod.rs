@@ -19,7 +19,7 @@ use super::{
     Client, ClientIndex, Constraint, Content, Duplicates, EntityId, Map, MapError, MapPolicy,
     SharedMap,
 };
-use moving::{is_finite, move_by};
+use moving::{inverted, is_finite, move_by};
 pub(super) use renaming::Renaming;
 
 /// A map that became part of this one.
@@ -155,14 +155,24 @@ impl Map {
             return Err(MergeError::Scaled { scale: scale.to_string() });
         }
         let mut parts = source.to_parts();
-        let own: Vec<ClientIndex> = (0..).take(clients.len()).map(ClientIndex).collect();
-        for ((client, (_, name)), &index) in parts.clients.iter_mut().zip(&clients).zip(&own) {
-            client.name.clone_from(name);
+        for (client, index) in parts.clients.iter_mut().zip((0..).map(ClientIndex)) {
             if let Some((_, newest)) = source.newest_keyframe(index) {
                 frames::remember(&mut client.earlier_frames, newest.map_from_odom());
             }
         }
-        let mut parts = Renaming::new(&parts, &own).apply(parts);
+        // Clients that left the source stay behind.
+        let mut present = 0;
+        let positions = parts.clients.iter().map(|client| {
+            let index = ClientIndex(present);
+            present += u32::from(!client.has_left);
+            index
+        });
+        let positions: Vec<ClientIndex> = positions.collect();
+        let mut parts = Renaming::new(&parts, &positions).apply(parts);
+        parts.clients.retain(|client| !client.has_left);
+        for (client, (_, name)) in parts.clients.iter_mut().zip(&clients) {
+            client.name.clone_from(name);
+        }
         let keeps_priors = has_anchor(self.policy(), source.policy());
         move_by(&target_from_source, &mut parts, keeps_priors)?;
         for client in &mut parts.clients {
@@ -196,7 +206,8 @@ impl Map {
         source: &Self,
         renamed: &BTreeMap<String, String>,
     ) -> Result<Vec<(MergedClient, String)>, MergeError> {
-        let is_client = |name: &&String| source.client_named(name).is_none();
+        let is_present = |index| source.client(index).is_some_and(|client| !client.has_left);
+        let is_client = |name: &&String| !source.client_named(name).is_some_and(is_present);
         if let Some(client) = renamed.keys().find(is_client) {
             return Err(MergeError::UnknownClient { client: client.clone() });
         }
@@ -210,13 +221,13 @@ impl Map {
         }
         let (mut clients, mut names, mut next) =
             (Vec::new(), BTreeSet::new(), self.clients().len());
-        for client in source.clients() {
+        for client in source.clients().iter().filter(|client| !client.has_left) {
             let name = renamed.get(&client.name).unwrap_or(&client.name);
             if !names.insert(name.clone()) {
                 return Err(MergeError::NameTwice { client: name.clone() });
             }
             let index = match self.client_named(name) {
-                // It has left with a merge that was undone.
+                // It left with a merge that was undone.
                 Some(index) if self.has_never_sent(index) => index,
                 Some(_) => return Err(MergeError::ClientInBoth { client: name.clone() }),
                 None => {
@@ -381,6 +392,20 @@ impl Merge {
 }
 
 impl Link {
+    /// The link that a measurement the other way says, of the target's keyframe in the frame of the source's.
+    ///
+    /// # Errors
+    /// [`MergeError::OutOfRange`] where numbers overflow.
+    pub fn from_source(
+        target: EntityId,
+        source: EntityId,
+        source_from_target: &Se3,
+        information: &Information<6>,
+    ) -> Result<Self, MergeError> {
+        let information = inverted(information, source_from_target)?;
+        Ok(Self { target, source, target_from_source: source_from_target.inverse(), information })
+    }
+
     /// The loop closure that it becomes, `source` being the id of its second keyframe in the target.
     fn closure(&self, source: EntityId) -> Constraint {
         Constraint {

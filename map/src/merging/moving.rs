@@ -5,7 +5,7 @@
 
 use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::information::Information;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, SMatrix};
 
 use super::super::scaling::{self, SCALES};
 use super::super::{MapParts, Prior, frames, numbers};
@@ -38,7 +38,7 @@ pub(super) fn move_by(
             }
             Prior::Position { position_in_world, information, .. } => {
                 *position_in_world = rigid.transform(position_in_world);
-                *information = rotated(information, &rigid.rotation.matrix());
+                *information = rotated(information, &rigid.rotation.matrix())?;
             }
         }
     }
@@ -85,16 +85,36 @@ pub(super) fn is_finite(parts: &MapParts) -> bool {
     poses.all(Se3::is_finite)
         && odometry.all(Se3::is_finite)
         && measured.all(Se3::is_finite)
-        && merged.all(|at| at.is_finite() && SCALES.contains(&at.scale))
+        && merged.all(numbers::is_similarity)
         && parts.clients.iter().all(|client| SCALES.contains(&client.scale))
         && positions.all(numbers::is_finite)
-        && parts.priors.values().all(Prior::is_finite)
+        && parts.priors.values().all(Prior::is_possible)
 }
 
 /// Information over the axes of a frame that lies `turned` in another one, over the axes of the latter.
-fn rotated(information: &Information<3>, turned: &Matrix3<f64>) -> Information<3> {
+fn rotated(
+    information: &Information<3>,
+    turned: &Matrix3<f64>,
+) -> Result<Information<3>, MergeError> {
     let product = turned * information.matrix() * turned.transpose();
-    // Rounding alone can make it asymmetric.
-    let symmetric = (product + product.transpose()) / 2.0;
-    Information::semidefinite(&symmetric).unwrap_or(*information)
+    symmetric(&product)
+}
+
+/// Information of an error that a motion sees from its other end, r' = −Ad(Z) r with Z = `i_from_j`.
+///
+/// # Errors
+/// [`MergeError::OutOfRange`] where numbers overflow.
+pub(super) fn inverted(
+    information: &Information<6>,
+    i_from_j: &Se3,
+) -> Result<Information<6>, MergeError> {
+    let adjoint = i_from_j.inverse().adjoint();
+    symmetric(&(adjoint.transpose() * information.matrix() * adjoint))
+}
+
+/// The information matrix of a product MᵀΩM: rounding alone makes it asymmetric, or indefinite where a lever
+/// of kilometers stands beside a millimeter.
+fn symmetric<const N: usize>(product: &SMatrix<f64, N, N>) -> Result<Information<N>, MergeError> {
+    let symmetric = product * 0.5 + product.transpose() * 0.5;
+    Information::nearest(&symmetric).map_err(|_overflows| MergeError::OutOfRange)
 }

@@ -13,6 +13,9 @@ pub(super) struct Document {
     pub(super) map: String,
     display_name: String,
     pub(super) state: &'static str,
+    /// Why it takes no changes.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    state_reason: String,
     uid: String,
     revision: i64,
     cameras: i64,
@@ -66,6 +69,7 @@ impl From<v1::Map> for Document {
             map: map.map_id,
             display_name: map.display_name,
             state,
+            state_reason: map.state_reason,
             uid: map.uid,
             revision: map.revision,
             cameras: counts.camera_count,
@@ -120,9 +124,13 @@ pub(super) fn details(map: &Document) -> String {
         0 => map.constraints.to_string(),
         off => format!("{} ({off} found false)", map.constraints),
     };
+    let state = match map.state_reason.as_str() {
+        "" => map.state.to_owned(),
+        reason => format!("{}: {reason}", map.state),
+    };
     let mut rows = vec![
         ("map", map.map.clone()),
-        ("state", map.state.to_owned()),
+        ("state", state),
         ("revision", map.revision.to_string()),
         ("cameras", map.cameras.to_string()),
         ("keyframes", map.keyframes.to_string()),

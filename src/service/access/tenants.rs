@@ -115,6 +115,7 @@ pub(in crate::service) fn maps_of(error: &mut EngineError) -> [Option<&mut Strin
         EngineError::MapNotFound { map }
         | EngineError::MapExists { map }
         | EngineError::Poisoned { map }
+        | EngineError::Refused { map, .. }
         | EngineError::Frozen { map }
         | EngineError::AnchorInUse { map }
         | EngineError::NoPlaceRecognition { map }
@@ -135,6 +136,8 @@ pub(in crate::service) fn maps_of(error: &mut EngineError) -> [Option<&mut Strin
             | StoreError::OwnedElsewhere { map, .. }
             | StoreError::Fenced { map, .. }
             | StoreError::SequenceMismatch { map, .. }
+            | StoreError::NotReadable { map, .. }
+            | StoreError::Unfit { map, .. }
             | StoreError::Truncated { map, .. }
             | StoreError::NoSnapshot { map, .. }
             | StoreError::Unavailable { map, .. }

@@ -243,10 +243,11 @@ pub(in crate::service) fn to_client_frame(
     })
 }
 
-/// The clients of a map sorted by name, the order of every answer.
+/// The clients of a map that have not left it, sorted by name, the order of every answer.
 pub(in crate::service) fn clients_by_name(map: &Map) -> Vec<(&str, ClientIndex)> {
+    let present = (0u32..).zip(map.clients()).filter(|(_, client)| !client.has_left);
     let mut clients: Vec<(&str, ClientIndex)> =
-        (0u32..).zip(map.clients()).map(|(i, c)| (c.name.as_str(), ClientIndex(i))).collect();
+        present.map(|(index, client)| (client.name.as_str(), ClientIndex(index))).collect();
     clients.sort_unstable();
     clients
 }

@@ -10,7 +10,8 @@ use super::time::timestamp;
 use super::{Path, Violations, count, small};
 use crate::map::{Counts, Map, MapLimits, MapPolicy, MergedMap, Reason, WhenFull};
 use crate::service::access::shown;
-use crate::service::engine::{MapInfo, MapState, limit_name};
+use crate::service::engine::{EngineError, MapInfo, MapState, limit_name};
+use crate::service::error::ServiceError;
 use crate::store::Durability;
 use crate::wire::v1;
 
@@ -224,8 +225,14 @@ pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map
         clients: clients_by_name(map).into_iter().map(|(_, c)| to_client(map, c)).collect(),
         uid: info.uid.clone(),
         adjustment_due: map.is_adjustment_due() && map.policy().closure_adjustment,
+        state_reason: info.trouble.clone().map(reason_of).unwrap_or_default(),
         merged_maps: map.merged().iter().map(|merged| to_merged(map, merged)).collect(),
     }
+}
+
+/// What a caller reads of an error: it names maps as the caller does, and no file of the server.
+fn reason_of(error: EngineError) -> String {
+    tonic::Status::from(ServiceError::Engine(error)).message().to_owned()
 }
 
 fn to_merged(map: &Map, merged: &MergedMap) -> v1::MergedMap {

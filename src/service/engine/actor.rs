@@ -184,6 +184,7 @@ impl Actor {
             uid: self.shared.uid.clone(),
             snapshot: Arc::clone(&self.map),
             state: self.state(),
+            trouble: self.shared.check_open().err(),
         }
     }
 
@@ -322,8 +323,8 @@ impl Actor {
     /// Journals and applies one change.
     ///
     /// # Errors
-    /// [`EngineError::Store`]: nothing was changed. [`EngineError::Bug`]: the event does not fit and
-    /// the map is now poisoned.
+    /// [`EngineError::Store`], and [`EngineError::Refused`] where the event does not fit the map or could
+    /// not be read again. Nothing was changed.
     pub(super) async fn commit(
         &mut self,
         cause: Option<Cause>,
@@ -349,9 +350,13 @@ impl Actor {
         let fits = if is_large { self.compute(check).await } else { check(&self.map) };
         let touched = match fits {
             Ok(touched) => touched,
-            Err(error) => return Err(self.poison(&format!("an event does not fit: {error}"))),
+            Err(error) => return Err(self.refuse(&event, error.to_string())),
         };
-        let position = self.durability.append(Arc::clone(&event), is_large, &self.pool).await?;
+        let appended = self.durability.append(Arc::clone(&event), is_large, &self.pool).await;
+        let position = appended.map_err(|error| match error {
+            StoreError::NotReadable { reason, .. } => self.refuse(&event, reason),
+            error => EngineError::Store(error),
+        })?;
         self.recognition.changed();
         self.background.changed(&event.change);
         self.applying = Some(revision);
@@ -383,6 +388,15 @@ impl Actor {
             self.durability.keep_snapshot(&self.map);
         }
         Ok(position)
+    }
+
+    /// Counts and reports an event that is not possible. Clients are checked before, so that it is a bug or a
+    /// result that overflowed.
+    fn refuse(&self, event: &Event, reason: String) -> EngineError {
+        let (map, change) = (self.shared.name.clone(), event.change.name());
+        tracing::error!(map, change, reason, "a change is not possible and is refused");
+        self.shared.meters.refuse(&event.change, event.cause.is_some());
+        EngineError::Refused { map, change, reason }
     }
 
     /// Poisons the map after a panic. If the panic may have left an event half applied, restores

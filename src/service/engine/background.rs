@@ -15,11 +15,11 @@ use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer;
 use rayon::prelude::*;
 
-use super::Estimate;
 use super::actor::Actor;
 use super::handle::Shared;
 use super::pool::{Slot, SolvePanicked, SolverPool};
 use super::solve::{OptimizeOptions, Outcome, Solution, solve_map, solve_window};
+use super::{EngineError, Estimate};
 use crate::map::{
     Change, Comparison, EntityId, Map, SolveKind, applied, choose_window, find_duplicates,
     local_problem,
@@ -219,10 +219,16 @@ impl Actor {
     }
 
     /// Commits a change for which no client waits. Where the journal does not take it, nothing is lost:
-    /// what is due is found again. Returns whether it is committed.
+    /// what is due is found again. An adjustment whose result is not possible is not tried again before the
+    /// next pose graph. Returns whether it is committed.
     async fn commit_in_background(&mut self, change: Change) -> bool {
+        let is_whole = matches!(
+            &change,
+            Change::SolveApplied { solve } if solve.kind == SolveKind::Global
+        );
         let committed = self.commit(None, change).await;
         if let Err(error) = &committed {
+            self.background.gave_up |= is_whole && matches!(error, EngineError::Refused { .. });
             let map = &self.shared.name;
             tracing::warn!(%error, %map, "what follows a loop closure waits for the journal");
             self.background.wait_for_journal();

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use std::time::UNIX_EPOCH;
 
 use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
@@ -186,6 +187,13 @@ impl Durability {
         }));
     }
 
+    /// Keeps a snapshot of the map as it was, unless there is a later one. It is done when the disk has it and
+    /// it was read back.
+    pub(super) fn snapshot_of(&self, map: Arc<Map>) -> BoxFuture<'static, Result<(), StoreError>> {
+        let (shared, epoch) = (Arc::clone(&self.shared), self.epoch);
+        async move { shared.store.put_snapshot(&shared.name, epoch, map).await }.boxed()
+    }
+
     /// Starts to keep a snapshot of the map as it is and to drop the journal before it.
     pub(super) fn drop_journal(&self, map: &Arc<Map>) -> JoinHandle<Result<(), StoreError>> {
         let (shared, epoch, map) = (Arc::clone(&self.shared), self.epoch, Arc::clone(map));
@@ -222,18 +230,36 @@ pub(super) async fn stored(
     Ok((map, events))
 }
 
-/// Applies events one by one until one is refused or panics; the second value is then the reason.
+/// The event at which a replay ended.
+pub(super) struct Stopped {
+    sequence: u64,
+    kind: &'static str,
+    reason: String,
+}
+
+impl Stopped {
+    /// Why the map takes no changes.
+    pub(super) fn of(&self, map: &str) -> StoreError {
+        let Self { sequence, kind, reason } = self;
+        let (map, reason) = (map.to_owned(), reason.clone());
+        StoreError::Unfit { map, sequence: *sequence, kind, reason }
+    }
+}
+
+/// Applies events one by one until one is refused or panics; the second value then says which, and why.
 pub(super) fn replay<'a>(
     mut map: Map,
     events: impl Iterator<Item = &'a Event>,
-) -> (Map, Option<String>) {
+) -> (Map, Option<Stopped>) {
     for event in events {
         // A refused event changes nothing; only a panic may leave an event half applied.
-        match catch_unwind(AssertUnwindSafe(|| map.apply(event))) {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => return (map, Some(error.to_string())),
-            Err(panic) => return (map, Some(panic_message(panic.as_ref()))),
-        }
+        let reason = match catch_unwind(AssertUnwindSafe(|| map.apply(event))) {
+            Ok(Ok(())) => continue,
+            Ok(Err(error)) => error.to_string(),
+            Err(panic) => panic_message(panic.as_ref()),
+        };
+        let (sequence, kind) = (sequence_of(event.revision), event.change.name());
+        return (map, Some(Stopped { sequence, kind, reason }));
     }
     (map, None)
 }

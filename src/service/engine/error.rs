@@ -24,6 +24,15 @@ pub enum EngineError {
     /// A change of the map hit a bug: the map can be read and exported, but not changed.
     #[error("map {map:?} is poisoned by an earlier bug: it can be read and takes no changes")]
     Poisoned { map: String },
+    /// What was to change the map is not possible, so it is not in the journal: the map is as it was and
+    /// takes changes.
+    #[error("map {map:?} refuses a change ({change}): {reason}")]
+    Refused {
+        map: String,
+        /// [`Change::name`](crate::map::Change::name).
+        change: &'static str,
+        reason: String,
+    },
     /// The map was frozen by request: it can be read, but not changed.
     #[error("map {map:?} is frozen: it can be read and takes no changes")]
     Frozen { map: String },

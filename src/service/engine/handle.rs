@@ -53,6 +53,8 @@ pub struct MapInfo {
     pub snapshot: Arc<Map>,
     /// Whether it accepts changes.
     pub state: MapState,
+    /// Why it accepts none, where that is not by request.
+    pub trouble: Option<EngineError>,
 }
 
 /// Whether a map accepts changes, and why it does not.

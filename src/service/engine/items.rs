@@ -9,8 +9,8 @@ use super::schedule::Task;
 use super::stream::{Body, Queued, QueuedItem};
 use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
 use crate::map::{
-    Affected, Cause, Change, ClientIndex, EntityId, Map, PartialItem, PendingSolve, SolveRequest,
-    has_unplaced, retire, triangulate,
+    Affected, Cause, Change, ClientIndex, EntityId, Map, PartialItem, PendingSolve, Reason,
+    Rejection, SolveRequest, has_unplaced, retire, triangulate,
 };
 
 impl Actor {
@@ -95,6 +95,11 @@ impl Actor {
         let cause = Cause { client, epoch, sequence, digest };
         let position = match self.commit(Some(cause), change).await {
             Ok(position) => position,
+            Err(EngineError::Refused { reason, .. }) => {
+                self.ingest.count(&self.map);
+                let rejection = Rejection::of("item", Reason::OutOfRange, reason);
+                return receipt.send(ack(0, AckStatus::Rejected(rejection)));
+            }
             Err(error) => {
                 self.ingest.count(&self.map);
                 return self.ingest.end(client, error);
@@ -186,10 +191,14 @@ impl Actor {
             true => self.compute(move |map| triangulate(map, id)).await,
             false => Vec::new(),
         };
-        if !positions.is_empty() {
-            self.commit(None, Change::LandmarksTriangulated { positions }).await?;
+        if positions.is_empty() {
+            return Ok(());
         }
-        Ok(())
+        match self.commit(None, Change::LandmarksTriangulated { positions }).await {
+            // The landmarks stay without positions.
+            Ok(_) | Err(EngineError::Refused { .. }) => Ok(()),
+            Err(error) => Err(error),
+        }
     }
 
     /// Acknowledges an item that could have started a solve but did not, once no solve for an

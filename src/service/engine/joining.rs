@@ -131,7 +131,8 @@ impl Actor {
         let flushed = store.follow(&name).await?;
         let moving = EngineError::Moving { map: name.clone() };
         clients.iter().for_each(|&client| self.ingest.end(client, moving.clone()));
-        if let Err(error) = self.commit(None, Change::MapTakenOut { name: name.clone() }).await {
+        let taken_out = Change::MapTakenOut { name: name.clone(), clients_leave: true };
+        if let Err(error) = self.commit(None, taken_out).await {
             if let Err(left) = store.delete_map(&name).await {
                 tracing::error!(map = name, %left, "a map that was not taken out is left in the store");
             }

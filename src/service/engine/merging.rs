@@ -123,7 +123,7 @@ impl Maps {
         let source = self.find(&request.source).await?;
         let target = self.find(&request.target).await?;
         if source.is_same_map(&target) {
-            return self.merged_already(&request.source, &source).await;
+            return self.merged_already(&request, &source).await;
         }
         let is_part = target.snapshot().await?.merged_as(&request.source).is_some();
         let aligned = match is_part {
@@ -136,16 +136,17 @@ impl Maps {
         run_to_end(async move { maps.merge_aligned(request, aligned).await }).await
     }
 
-    /// What an earlier call did.
+    /// What an earlier call did: the names of the request lead to one map, `handle`.
     async fn merged_already(
         &self,
-        name: &str,
+        request: &MergeRequest,
         handle: &MapHandle,
     ) -> Result<MergeOutcome, EngineError> {
         let map = handle.info().await?;
-        let merged = map.snapshot.merged_as(name);
+        let merged = map.snapshot.merged_as(&request.source);
         let Some(target_from_source) = merged.map(|merged| merged.target_from_source) else {
-            let (map, into) = (name.to_owned(), handle.name().to_owned());
+            // It was merged the other way.
+            let (map, into) = (request.target.clone(), handle.name().to_owned());
             return Err(EngineError::MergedAway { map, into });
         };
         handle.durable(map.snapshot.revision()).await?;
@@ -161,13 +162,13 @@ impl Maps {
         interrupt: Interrupt,
     ) -> Result<(Sim3, Vec<Link>), EngineError> {
         let (of_source, of_target) = (source.snapshot().await?, target.snapshot().await?);
-        let link = |request: &LinkRequest| request.link(&of_target, &of_source);
+        let cannot = |error| EngineError::CannotMerge { map: request.source.clone(), error };
+        let link = |request: &LinkRequest| request.link(&of_target, &of_source, cannot);
         let links: Vec<Link> = request.constraints.iter().map(link).collect::<Result<_, _>>()?;
         // The engine asks all of this again: here no stream has ended yet.
         if of_target.is_frozen() {
             return Err(EngineError::Frozen { map: target.name().to_owned() });
         }
-        let cannot = |error| EngineError::CannotMerge { map: request.source.clone(), error };
         of_target.joining(&of_source, &request.renamed).map_err(cannot)?;
         check_room(&target.shared.account, &of_target, of_source.usage())?;
         let by_link = links.first().and_then(|link| {
@@ -227,7 +228,7 @@ impl Maps {
         let (mut source, target) = self.claim_both(&name, &into).await?;
         let (from, to) = (found(&source, &name)?, found(&target, &into)?);
         if from.is_same_map(&to) {
-            return self.merged_already(&name, &from).await;
+            return self.merged_already(&request, &from).await;
         }
         if from.merged.is_some() {
             let (map, into) = (name, from.name().to_owned());
@@ -249,6 +250,9 @@ impl Maps {
         };
         // From here on the source is a copy: it takes nothing more, whatever fails.
         to.durable(map.snapshot.revision()).await?;
+        // Its files go once those of the target were read back with what it brought.
+        let kept = Arc::clone(&map.snapshot);
+        to.call(move |actor| ready(actor.durability.snapshot_of(kept)).boxed()).await?.await?;
         from.call(|actor| actor.delete().boxed()).await??;
         let Some(merged) = map.snapshot.merged_as(&name) else {
             return Err(report_bug("a map that was merged is not in the target"));
@@ -449,8 +453,13 @@ impl MapHandle {
 
 impl LinkRequest {
     /// # Errors
-    /// [`EngineError::NoSuchKeyframe`].
-    fn link(&self, target: &Map, source: &Map) -> Result<Link, EngineError> {
+    /// [`EngineError::NoSuchKeyframe`]; what `cannot` makes of numbers that overflow.
+    fn link(
+        &self,
+        target: &Map,
+        source: &Map,
+        cannot: impl Fn(MergeError) -> EngineError,
+    ) -> Result<Link, EngineError> {
         let in_map = |map: &Map, (client, id): &(String, i64)| {
             let id = EntityId::new(map.client_named(client)?, *id);
             map.keyframes().contains_key(&id).then_some(id)
@@ -466,11 +475,6 @@ impl LinkRequest {
             let (keyframe_i, keyframe_j) = (self.keyframe_i.clone(), self.keyframe_j.clone());
             return Err(EngineError::NoSuchKeyframe { keyframe_i, keyframe_j });
         };
-        // The error of the inverse is the same one seen from the other end: r' = -Ad(Z) r.
-        let adjoint = i_from_j.inverse().adjoint();
-        let product = adjoint.transpose() * self.information.matrix() * adjoint;
-        let symmetric = (product + product.transpose()) / 2.0;
-        let information = Information::semidefinite(&symmetric).unwrap_or(self.information);
-        Ok(Link { target: j, source: i, target_from_source: i_from_j.inverse(), information })
+        Link::from_source(j, i, &i_from_j, &self.information).map_err(cannot)
     }
 }

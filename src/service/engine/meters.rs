@@ -14,7 +14,7 @@ use covis_solvers::optimizer::Termination;
 use super::MapHandle;
 use super::handle::Condition;
 use super::solve::Outcome;
-use crate::map::{Reason, SolveKind};
+use crate::map::{Change, Reason, SolveKind};
 use crate::meter::{Counter, Gauge, GaugeGuard, Histogram};
 
 /// Why items are rejected, in the order of [`Reason`] and of the counters.
@@ -52,6 +52,9 @@ const ENDS: [&str; 10] = [
 /// Kinds of solves, in the order of their instruments: of windows, of pose graphs, of whole maps, and of
 /// problems that came with a call.
 const SOLVES: [&str; 4] = ["local_bundle", "pose_graph", "global", "request"];
+
+/// What refused changes are, in the order of the counters.
+const CHANGES: [&str; 5] = ["item", "solve", "merge", "retirement", "other"];
 
 const PANICKED: usize = 8;
 /// The solve's problem came with a call; the answer of the call says how it ended.
@@ -166,6 +169,7 @@ pub struct EngineMeters {
     /// Streams that ended at a limit.
     pub at_limit: Counter,
     rejected: [Counter; REASONS.len()],
+    refused: [Counter; CHANGES.len()],
     /// Keyframes that were retired because their map was full.
     pub retired: Counter,
     /// From an item's arrival until it was durable, ns.
@@ -215,6 +219,28 @@ impl EngineMeters {
         if let Some(count) = self.rejected.get(reason as usize) {
             count.increment();
         }
+    }
+
+    /// Changes that were not possible and so were not journaled, by what they are.
+    pub fn refused(&self) -> impl Iterator<Item = (&'static str, &Counter)> {
+        CHANGES.into_iter().zip(&self.refused)
+    }
+
+    /// Counts a change that is not possible.
+    pub(super) fn refuse(&self, change: &Change, is_item: bool) {
+        let [item, solve, merge, retirement, other] = &self.refused;
+        let counter = if is_item {
+            item
+        } else if matches!(change, Change::SolveApplied { .. }) {
+            solve
+        } else if matches!(change, Change::MapMerged { .. } | Change::MapTakenOut { .. }) {
+            merge
+        } else if matches!(change, Change::KeyframeRetired { .. }) {
+            retirement
+        } else {
+            other
+        };
+        counter.increment();
     }
 
     /// Counts a solve of a map that is queued in the pool.

@@ -160,6 +160,8 @@ impl EngineConfig {
 pub enum Fault {
     /// Every solve panics.
     PanicInSolve,
+    /// The result of every solve has a pose that is no number.
+    ImpossibleResult,
     /// The engine panics while it applies a client's item.
     PanicInEngine,
     /// Every call on a map, including its creation and deletion, returns [`EngineError::Bug`].

@@ -151,18 +151,19 @@ impl Maps {
         let is_written = failed.is_none() && unavailable.is_none();
         let is_short = store.durability() != store::Durability::Memory
             && (reached < through || (is_written && reached != through));
-        let refusal = lost
-            .map(|damage| StoreError::Damaged { map: name.to_owned(), damage })
-            .or(failed)
-            .map(EngineError::Store);
-        if let Some(details) = &stopped {
-            report_bug(&format!("map {name:?} does not replay: {details}"));
-        } else if is_short {
+        if let Some(stopped) = &stopped {
+            tracing::error!(map = name, error = %stopped.of(name), "a journal does not replay");
+        } else if is_short && lost.is_none() {
             report_bug(&format!("map {name:?} replays to {reached} of {through} events"));
         }
+        let refusal = lost
+            .map(|damage| StoreError::Damaged { map: name.to_owned(), damage })
+            .or(stopped.map(|stopped| stopped.of(name)))
+            .or(failed)
+            .map(EngineError::Store);
         let condition = match refusal {
             Some(refusal) => Condition::Damaged(refusal),
-            None if stopped.is_some() || is_short => Condition::Poisoned,
+            None if is_short => Condition::Poisoned,
             None => Condition::Open,
         };
         let start = Start::open(name.to_owned(), epoch, map, snapshot, flushed);

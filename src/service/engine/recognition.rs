@@ -169,8 +169,16 @@ impl Actor {
             Ok(None) => return,
             Err(error) => return self.recognition_waits(&error),
         };
-        if let Err(error) = self.commit(None, change).await {
-            return self.recognition_waits(&error);
+        match self.commit(None, change.clone()).await {
+            Ok(_) => {}
+            // What was found is noted without the closures, which do not fit.
+            Err(error @ EngineError::Refused { .. }) if count > 0 => {
+                if let Err(error) = self.commit(None, without_closures(change, &error)).await {
+                    self.recognition_waits(&error);
+                }
+                return;
+            }
+            Err(error) => return self.recognition_waits(&error),
         }
         if count > 0 {
             self.shared.meters.closures_found.add(count);
@@ -220,9 +228,11 @@ impl Actor {
     }
 }
 
-/// The change without its closures, for which there is no room.
-fn without_closures(change: Change, full: &EngineError) -> Change {
-    let refusal = PlaceRefusal::new("no_room", &full.to_string());
+/// The change without its closures, for which there is no room or which are not possible.
+fn without_closures(change: Change, error: &EngineError) -> Change {
+    let is_refused = matches!(error, EngineError::Refused { .. });
+    let name = if is_refused { "not_possible" } else { "no_room" };
+    let refusal = PlaceRefusal::new(name, &error.to_string());
     let Change::PlacesSearched { mut searches, .. } = change else { return change };
     for (_, search) in searches.iter_mut().filter(|(_, search)| search.closure.is_some()) {
         (search.closure, search.refusal) = (None, Some(refusal.clone()));

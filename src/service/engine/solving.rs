@@ -307,8 +307,8 @@ impl Actor {
         }
     }
 
-    /// Commits a solution as the map's newest revision and acknowledges it. If that fails, the
-    /// streams end.
+    /// Commits a solution as the map's newest revision and acknowledges it. A result that is not possible
+    /// is acknowledged as refused; if the journal fails, the streams end.
     async fn apply(
         &mut self,
         running: &Running,
@@ -322,7 +322,15 @@ impl Actor {
             let solve = self.compute(move |map| applied(map, moved.solved(), kind, covered, costs));
             let mut solve = solve.await;
             solve.request = self.solving.request_of(running);
+            if self.shared.config.injects(Fault::ImpossibleResult) {
+                solve.poses.iter_mut().for_each(|(_, pose)| pose.translation.x = f64::INFINITY);
+            }
             if let Err(error) = self.commit(None, Change::SolveApplied { solve }).await {
+                if let EngineError::Refused { reason, .. } = &error {
+                    let report = SolveReport::Refused { reason: reason.clone() };
+                    self.optimized(&running.triggers, running.id, &report);
+                    return Err(error);
+                }
                 tracing::warn!(%error, solve = running.id, "a solve could not be applied");
                 self.ingest.end_all(&error);
                 self.solving.schedule.clear();

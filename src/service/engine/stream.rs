@@ -70,6 +70,11 @@ pub enum SolveReport {
         /// Names the variable or factor.
         error: SolveError,
     },
+    /// It ran, and its result is not possible; the map keeps its estimates.
+    Refused {
+        /// Names the entity.
+        reason: String,
+    },
 }
 
 /// The state from which an opened stream starts.

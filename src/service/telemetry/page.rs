@@ -134,6 +134,12 @@ fn items(text: &mut Text, engine: &EngineMeters) {
     for (reason, count) in engine.rejected() {
         family.row(&[("outcome", "rejected"), ("reason", reason)], count.get());
     }
+    let help =
+        "Changes that were not possible, such as a result that overflowed, and so were refused.";
+    let mut family = text.counter("covis_changes_refused_total", help);
+    for (change, count) in engine.refused() {
+        family.row(&[("change", change)], count.get());
+    }
     let help = "Keyframes that were marginalized because their map was full.";
     text.counter("covis_keyframes_retired_total", help).row(&[], engine.retired.get());
     let help = "Loop closures that the server found.";

@@ -109,7 +109,10 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             closures: closures.iter().map(|(id, c)| encode_constraint(*id, c)).collect(),
         }),
         Change::MapMerged { merge } => Wire::MapMerged(encode_merge(merge)),
-        Change::MapTakenOut { name } => Wire::MapTakenOut(v1::MapTakenOut { name: name.clone() }),
+        Change::MapTakenOut { name, clients_leave } => {
+            let (name, clients_leave) = (name.clone(), *clients_leave);
+            Wire::MapTakenOut(v1::MapTakenOut { name, clients_leave })
+        }
         Change::LandmarksRemoved { landmarks } => {
             let landmarks = encode_ids(landmarks);
             Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks })
@@ -124,6 +127,36 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             policy: policy.as_ref().map(encode_policy),
             frozen: *frozen,
         }),
+    }
+}
+
+/// [`Change::name`] of a change that need not be one of ours.
+pub(super) fn name_of(change: &Wire) -> &'static str {
+    match change {
+        Wire::Created(_) => "created",
+        Wire::ClientOpened(_) => "client_opened",
+        Wire::CameraSet(_) => "camera_set",
+        Wire::KeyframeAdded(_) => "keyframe_added",
+        Wire::LandmarksAdded(_) => "landmarks_added",
+        Wire::ObservationsAdded(_) => "observations_added",
+        Wire::ConstraintAdded(_) => "constraint_added",
+        Wire::PriorAdded(_) => "prior_added",
+        Wire::LandmarksTriangulated(_) => "landmarks_triangulated",
+        Wire::SolveApplied(_) => "solve_applied",
+        Wire::ObservationsRemoved(_) => "observations_removed",
+        Wire::LandmarksFused(_) => "landmarks_fused",
+        Wire::DuplicatesFound(_) => "duplicates_found",
+        Wire::DuplicatesSplit(_) => "duplicates_split",
+        Wire::PlacesSearched(_) => "places_searched",
+        Wire::LandmarksRemoved(_) => "landmarks_removed",
+        Wire::KeyframeRemoved(_) => "keyframe_removed",
+        Wire::KeyframeRetired(_) => "keyframe_retired",
+        Wire::ConstraintRevoked(_) => "constraint_revoked",
+        Wire::MapMerged(_) => "map_merged",
+        Wire::MapTakenOut(_) => "map_taken_out",
+        Wire::ItemRepeated(_) => "item_repeated",
+        Wire::PolicySet(_) => "policy_set",
+        Wire::MapUpdated(_) => "map_updated",
     }
 }
 
@@ -210,7 +243,9 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
         Wire::ConstraintRevoked(id) => Change::ConstraintRevoked { id: decode_id(id) },
         Wire::ItemRepeated(v1::ItemRepeated {}) => Change::ItemRepeated,
         Wire::MapMerged(merge) => Change::MapMerged { merge: Box::new(decode_merge(merge)?) },
-        Wire::MapTakenOut(v1::MapTakenOut { name }) => Change::MapTakenOut { name },
+        Wire::MapTakenOut(v1::MapTakenOut { name, clients_leave }) => {
+            Change::MapTakenOut { name, clients_leave }
+        }
         Wire::PolicySet(policy) => Change::PolicySet { policy: decode_policy(Some(policy))? },
         Wire::MapUpdated(v1::MapUpdated { display_name, policy, frozen }) => Change::MapUpdated {
             display_name,

@@ -17,6 +17,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         closure_variance,
         earlier_frames,
         scale,
+        has_left,
         // Parts of their own.
         items: _,
     } = client;
@@ -29,6 +30,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         unsolved: pending_solve.as_ref().map(encode_unsolved),
         earlier_frames: earlier_frames.iter().map(encode_pose).collect(),
         scale: encode_scale(*scale),
+        has_left: *has_left,
     }
 }
 
@@ -42,6 +44,7 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
         unsolved,
         earlier_frames,
         scale,
+        has_left,
     } = client;
     let frame = |pose| decode_pose(Some(pose), "an earlier frame");
     Ok(Client {
@@ -54,6 +57,7 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
         closure_variance: closure_variance.map_or(1.0, f64::from_bits),
         earlier_frames: earlier_frames.into_iter().map(frame).collect::<Result<_, _>>()?,
         scale: decode_scale(scale),
+        has_left,
         items: Default::default(),
     })
 }

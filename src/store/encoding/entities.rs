@@ -106,8 +106,10 @@ fn decode_information<const N: usize>(entries: &[f64]) -> Decoded<Information<N>
     if entries.len() != N * N {
         return Err(invalid);
     }
-    // An exactly symmetric matrix keeps its bits.
-    Information::new(&SMatrix::<f64, N, N>::from_column_slice(entries)).map_err(|_bad| invalid)
+    let matrix = SMatrix::<f64, N, N>::from_column_slice(entries);
+    // What was written went through the same constructor, which then changes no bit.
+    let information = Information::semidefinite(&matrix);
+    information.ok().filter(|information| *information.matrix() == matrix).ok_or(invalid)
 }
 
 fn encode_loss(loss: &Loss) -> v1::Loss {

@@ -17,8 +17,11 @@ mod places;
 mod snapshot;
 
 pub(super) use comparison::compare_map;
+pub use event::EventOutline;
+#[cfg(any(test, feature = "cluster", feature = "fuzzing"))]
+pub(super) use event::encode_event;
 pub(super) use event::{
-    decode_event, decode_identity, decode_later_identity, encode_event, encode_identity,
+    decode_event, decode_identity, decode_later_identity, encode_identity, encode_readable, outline,
 };
 pub(super) use jobs::{
     decode_checkpoint, decode_job, decode_later_job, decode_upload, encode_checkpoint, encode_job,
@@ -29,7 +32,9 @@ pub(super) use snapshot::{Parts, encode_map};
 
 use std::sync::LazyLock;
 
+use super::{StoreError, sequence_of};
 use crate::decoding::Shapes;
+use crate::map::Event;
 
 /// Generated from `proto/covis/storage/v1`.
 mod v1 {
@@ -76,6 +81,18 @@ pub enum EncodingError {
     /// The stream of parts cannot be read or written.
     #[error("{0}")]
     Stream(String),
+}
+
+impl EncodingError {
+    /// The refusal of an event of a map that could not be read again.
+    pub(super) fn not_readable(self, map: &str, event: &Event) -> StoreError {
+        StoreError::NotReadable {
+            map: map.to_owned(),
+            sequence: sequence_of(event.revision),
+            kind: event.change.name(),
+            reason: self.to_string(),
+        }
+    }
 }
 
 /// A field that must be there.

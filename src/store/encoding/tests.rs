@@ -1,6 +1,7 @@
 //! Encoding is exact for every kind of change and for whole maps; what is not known is refused.
 
 mod examples;
+mod fields;
 
 use proptest::prelude::*;
 

@@ -2,7 +2,8 @@
 //! event, compares the result with the snapshots, and reports damage.
 //!
 //! A check changes nothing. A repair never deletes: a damaged file is renamed, and a snapshot of
-//! the recovered map replaces the journal. Everything here blocks.
+//! the recovered map replaces the journal. Events that are intact and cannot be read are given up only
+//! where that is asked for. Everything here blocks.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,9 +18,9 @@ use super::{
     FileStoreOptions, MARK, SET_ASIDE, file_error, journal_name, load, read, sealed, snapshot_name,
     whole_file,
 };
-use crate::map::Map;
+use crate::map::{ClientIndex, Event, Map};
 use crate::store::encoding::decode_identity;
-use crate::store::{Damage, StoreError, sequence_of};
+use crate::store::{Damage, EventOutline, StoreError, UnreadableEvent, sequence_of};
 
 /// The result of checking the files of a map.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -38,8 +39,32 @@ pub struct MapCheckup {
     pub damage: Vec<Damage>,
     /// Why it could not be checked or repaired, if so.
     pub failure: Option<String>,
+    /// The events from the first one that cannot be read although it is intact; a repair gives them up
+    /// only with [`Repair::Cut`].
+    pub unreadable: Vec<LostEvent>,
     /// Files that a repair has set aside, with their new names.
     pub set_aside: Vec<PathBuf>,
+}
+
+/// An event that is not in the map that can be recovered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LostEvent {
+    /// What can be read of it.
+    pub event: EventOutline,
+    /// The name of the client whose item it was; `None` for the server's own events.
+    pub client: Option<String>,
+}
+
+/// What [`check_up`] does about damage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Repair {
+    /// Nothing is changed.
+    No,
+    /// Damaged files are set aside, and their maps go on from what can be recovered. Maps with an event
+    /// that is intact and cannot be read stay as they are.
+    Damage,
+    /// Those maps are cut before that event, too.
+    Cut,
 }
 
 impl MapCheckup {
@@ -50,12 +75,12 @@ impl MapCheckup {
 }
 
 /// Checks every map of a data directory, in the order of the folders' names, and repairs damaged
-/// ones if `repair` is set. Blocks.
+/// ones as `repair` says. Blocks.
 ///
 /// # Errors
 /// [`StoreError::InUse`] if a server uses it, [`StoreError::File`] if it is no data directory or
 /// cannot be read.
-pub fn check_up(directory: &Path, repair: bool) -> Result<Vec<MapCheckup>, StoreError> {
+pub fn check_up(directory: &Path, repair: Repair) -> Result<Vec<MapCheckup>, StoreError> {
     let maps = directory.join("maps");
     let entries = RealDisk.list(&maps).map_err(|e| file_error("cannot list", &maps, &e))?;
     let _lock = DirectoryLock::take(directory)?;
@@ -64,15 +89,32 @@ pub fn check_up(directory: &Path, repair: bool) -> Result<Vec<MapCheckup>, Store
     name_ambiguous(looked.iter_mut().map(|(checkup, _)| checkup));
     for (checkup, found) in &mut looked {
         if let Some(found) = found
-            && repair
+            && repair != Repair::No
             && checkup.failure.is_none()
             && !checkup.damage.is_empty()
         {
-            let mended = mend(directory, checkup, found);
-            checkup.failure = mended.err().map(|error| error.to_string());
+            checkup.failure = match kept_whole(checkup, repair) {
+                None => mend(directory, checkup, found).err().map(|error| error.to_string()),
+                reason => reason,
+            };
         }
     }
     Ok(looked.into_iter().map(|(checkup, _)| checkup).collect())
+}
+
+/// Why a map with an unreadable event stays as it is.
+fn kept_whole(checkup: &MapCheckup, repair: Repair) -> Option<String> {
+    let lost = checkup.damage.iter().find(|damage| damage.lost.is_some());
+    let event = lost.and_then(|damage| damage.unreadable.as_ref())?;
+    let count = checkup.unreadable.len();
+    if event.is_later {
+        let number = event.sequence;
+        return Some(format!(
+            "a later version wrote event {number}: repair the map with that version"
+        ));
+    }
+    (repair != Repair::Cut)
+        .then(|| format!("the map stays as it is: --repair --cut gives up its last {count} events"))
 }
 
 /// Checks one entry of `maps`, which nobody writes to; `None` if it is no map. Blocks.
@@ -177,6 +219,16 @@ fn look(checkup: &mut MapCheckup) -> Result<Recoverable, StoreError> {
         let lost = Some((checkup.revision + 1, last));
         checkup.damage.push(Damage { lost, ..whole_file(&file) });
     }
+    let is_unreadable = |damage: &Damage| damage.lost.is_some() && damage.unreadable.is_some();
+    if checkup.damage.iter().any(is_unreadable) {
+        let events = read::outlines(&journal, checkup.revision, last)?;
+        let named = |event: EventOutline| {
+            let client = event.cause.map(|(client, _)| ClientIndex(client));
+            let client = client.and_then(|client| map.client(client)).map(|c| c.name.clone());
+            LostEvent { event, client }
+        };
+        checkup.unreadable = events.into_iter().map(named).collect();
+    }
     let snapshots = snapshots.iter().map(|map| sequence_of(map.revision())).collect();
     Ok(Recoverable { uid, map, snapshots })
 }
@@ -209,8 +261,11 @@ fn replay(
     let mut map = Map::new();
     let mut later = snapshots.iter().peekable();
     loop {
-        for event in read::events(journal, sequence_of(map.revision()), last)? {
-            if map.apply(&event).is_err() {
+        let read = read::events(journal, sequence_of(map.revision()), last)?;
+        let mut stopped = read.unreadable;
+        for event in read.events {
+            if let Err(error) = map.apply(&event) {
+                stopped = Some(unfit(journal, &event, error.to_string(), last));
                 break;
             }
             let Some(snapshot) = later.next_if(|next| next.revision() == map.revision()) else {
@@ -221,11 +276,25 @@ fn replay(
                 checkup.damage.push(whole_file(&journal.folder.join(name)));
             }
         }
-        let Some(snapshot) = later.find(|next| next.revision() > map.revision()) else {
-            return Ok(map);
-        };
+        let next = later.find(|next| next.revision() > map.revision());
+        if let Some(damage) = stopped {
+            let lost = damage.lost.filter(|_| next.is_none());
+            checkup.damage.push(Damage { lost, ..damage });
+        }
+        let Some(snapshot) = next else { return Ok(map) };
         map = (**snapshot).clone();
     }
+}
+
+/// The damage of an event that does not fit the map before it.
+fn unfit(journal: &Journal, event: &Event, reason: String, last: u64) -> Damage {
+    let sequence = sequence_of(event.revision);
+    let home = journal.segments().into_iter().rfind(|&first| first <= sequence);
+    let file =
+        home.map_or_else(|| journal.folder.clone(), |f| journal.folder.join(journal_name(f)));
+    let kind = event.change.name();
+    let unreadable = Some(UnreadableEvent { sequence, kind, reason, is_later: false });
+    Damage { lost: Some((sequence, last)), unreadable, ..whole_file(&file) }
 }
 
 /// Sets damaged files aside and leaves a map that opens, if anything could be recovered.

@@ -144,7 +144,7 @@ fn open(disk: &MemoryDisk, uid: &Uid) -> Option<Opened> {
         Err(StoreError::Later { .. }) => return None,
         Err(error) => panic!("a sound disk fails: {error}"),
     };
-    let (last, is_damaged) = (found.last, found.lost.is_some());
+    let (last, mut is_damaged) = (found.last, found.lost.is_some());
     journal.loaded(found);
     assert_eq!(journal.flush(), None, "a sound disk has room");
     let map = match read::newest_snapshot(&journal) {
@@ -153,7 +153,14 @@ fn open(disk: &MemoryDisk, uid: &Uid) -> Option<Opened> {
         Err(error) => panic!("a sound disk fails: {error}"),
     };
     let base = map.as_ref().map_or(0, |map| crate::store::sequence_of(map.revision()));
-    let events = read::events(&journal, base, last).unwrap_or_default();
+    let (events, unreadable) = match read::events(&journal, base, last) {
+        Ok(read) => (read.events, read.unreadable),
+        Err(_) => (Vec::new(), None),
+    };
+    if let Some(damage) = unreadable {
+        is_damaged = true;
+        journal.lose(damage);
+    }
     assert!(events.len() as u64 <= last.saturating_sub(base), "more events than there can be");
     Some(Opened { journal, last, is_damaged, map, events })
 }

@@ -25,7 +25,7 @@ use super::record::{Uid, put_record};
 use super::writer::Writer;
 use super::{FileStoreOptions, file_error, journal_name};
 use crate::map::Event;
-use crate::store::encoding::encode_event;
+use crate::store::encoding::encode_readable;
 use crate::store::{
     Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of, wait_durable,
 };
@@ -144,6 +144,23 @@ impl Journal {
         self.tell();
     }
 
+    /// Notes an event that cannot be read. Unless a snapshot holds it, no change is accepted from here on,
+    /// and the files stay as they are.
+    pub(super) fn lose(&self, mut damage: Damage) {
+        let mut state = self.state();
+        let newest = state.snapshots.last().copied().unwrap_or(0);
+        if damage.lost.is_some_and(|(first, _)| first <= newest) {
+            damage.lost = None;
+        }
+        if state.damage.contains(&damage) {
+            return;
+        }
+        if damage.lost.is_some() {
+            state.lost.get_or_insert_with(|| damage.clone());
+        }
+        state.damage.push(damage);
+    }
+
     /// Reports to all followers how far the journal is durable.
     fn tell(&self) {
         let state = self.state();
@@ -254,6 +271,8 @@ impl Journal {
         expected_sequence: u64,
         batch: Vec<Arc<Event>>,
     ) -> Result<(Position, bool), StoreError> {
+        let payloads =
+            batch.iter().map(|event| self.readable(event)).collect::<Result<Vec<_>, _>>()?;
         let mut guard = self.state();
         let state = &mut *guard;
         self.check_epoch(state, epoch)?;
@@ -280,13 +299,8 @@ impl Journal {
             }
         }
         let rollback = state.pending.len();
-        let mut payload = Vec::new();
-        let mut sizes = Vec::with_capacity(batch.len());
-        for (sequence, event) in (first..).zip(&batch) {
-            payload.clear();
-            encode_event(event, &mut payload);
-            sizes.push(payload.len());
-            if !put_record(&mut state.pending, &self.uid, sequence, state.durable, &payload) {
+        for (sequence, payload) in (first..).zip(&payloads) {
+            if !put_record(&mut state.pending, &self.uid, sequence, state.durable, payload) {
                 state.pending.truncate(rollback);
                 let path = self.name.clone();
                 let message = format!("event {sequence} is too large for the journal");
@@ -298,8 +312,8 @@ impl Journal {
         }
         state.bytes_since_snapshot += (state.pending.len() - rollback) as u64;
         state.last += batch.len() as u64;
-        for (event, size) in batch.into_iter().zip(sizes) {
-            state.remember(event, size);
+        for (event, payload) in batch.into_iter().zip(payloads) {
+            state.remember(event, payload.len());
         }
         let starts = !state.flushing && !state.pending.is_empty();
         state.flushing |= starts;
@@ -310,6 +324,14 @@ impl Journal {
             waiting_bytes: state.pending.len() as u64,
         };
         Ok((position, starts))
+    }
+
+    /// The bytes of an event, which can be read again.
+    fn readable(&self, event: &Event) -> Result<Vec<u8>, StoreError> {
+        let mut payload = Vec::new();
+        encode_readable(event, &mut payload)
+            .map_err(|error| error.not_readable(&self.name, event))?;
+        Ok(payload)
     }
 
     pub(super) fn check_epoch(&self, state: &State, epoch: Epoch) -> Result<(), StoreError> {

@@ -206,7 +206,7 @@ fn find_damage(folder: &Path, segments: &[Segment], mark: u64, found: &mut Opene
         let torn = index == last_index && acknowledged <= segment.clean_last;
         if !torn {
             let file = folder.join(journal_name(segment.first)).display().to_string();
-            found.damage.push(Damage { file, offset, lost: None });
+            found.damage.push(Damage::of_bytes(file, offset, None));
         }
     }
     if let Some(lost) = lost {
@@ -222,7 +222,7 @@ fn find_damage(folder: &Path, segments: &[Segment], mark: u64, found: &mut Opene
             None => {
                 // The existing data is intact, but it ends too early.
                 let offset = home.map_or(0, |segment| segment.length);
-                let damage = Damage { file, offset, lost: Some(lost) };
+                let damage = Damage::of_bytes(file, offset, Some(lost));
                 found.damage.push(damage.clone());
                 damage
             }

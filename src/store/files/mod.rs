@@ -50,7 +50,7 @@ mod store;
 mod writer;
 
 pub use self::backup::back_up;
-pub use self::doctor::{MapCheckup, check_up};
+pub use self::doctor::{LostEvent, MapCheckup, Repair, check_up};
 #[cfg(feature = "cluster")]
 pub(super) use self::folders::uid_of;
 pub use self::job_copies::{JobCheckup, check_up_jobs};
@@ -289,7 +289,7 @@ async fn blocking<T: Send + 'static>(
 
 /// The damage of a file of which nothing can be used.
 fn whole_file(path: &Path) -> Damage {
-    Damage { file: path.display().to_string(), offset: 0, lost: None }
+    Damage::of_bytes(path.display().to_string(), 0, None)
 }
 
 /// The name of the journal file that begins with `first`; names sort as their sequences.

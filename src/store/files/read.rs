@@ -17,40 +17,106 @@ use super::journal::Journal;
 use super::record::{HEAD, HEADER, Header, is_record, read_head, read_header, scan};
 use super::{blocking, file_error, journal_name, sealed, snapshot_name, whole_file};
 use crate::map::{Event, Map};
-use crate::store::encoding::decode_event;
+use crate::store::encoding::{EncodingError, decode_event, outline};
 use crate::store::reader::PIECE_EVENTS;
-use crate::store::{EventReader, Piece, StoreError, sequence_of};
+use crate::store::{
+    Damage, EventOutline, EventReader, Piece, StoreError, UnreadableEvent, sequence_of,
+};
 
 /// Snapshots that are kept: if the newest does not open, the previous one and the journal after it
 /// still give the whole map.
 const KEPT_SNAPSHOTS: usize = 2;
 
-/// The events after `from` up to `last`, as far as they are contiguous.
+/// Events that follow each other, up to the first one that cannot be read.
+pub(super) struct ReadEvents {
+    pub(super) events: Vec<Arc<Event>>,
+    /// The event after these, where its bytes are intact and are no event that is known here. The events
+    /// from it up to the last one that was asked for are lost.
+    pub(super) unreadable: Option<Damage>,
+}
+
+/// The events after `from` up to `last`, as far as they are contiguous and can be read.
 ///
 /// # Errors
-/// [`StoreError::File`]; [`StoreError::Content`] for an event that cannot be decoded.
-pub(super) fn events(
+/// [`StoreError::File`].
+pub(super) fn events(journal: &Journal, from: u64, last: u64) -> Result<ReadEvents, StoreError> {
+    let mut events = Vec::new();
+    let mut unreadable = None;
+    each_record(journal, from, last, |record| {
+        let error = match decode_event(record.payload) {
+            Ok(event) => {
+                events.push(Arc::new(event));
+                return true;
+            }
+            Err(error) => error,
+        };
+        let event = UnreadableEvent {
+            sequence: record.sequence,
+            kind: outline(record.payload).kind,
+            is_later: error == EncodingError::Later,
+            reason: error.to_string(),
+        };
+        let (file, lost) = (record.path.display().to_string(), Some((record.sequence, last)));
+        unreadable = Some(Damage { file, offset: record.offset, lost, unreadable: Some(event) });
+        false
+    })?;
+    Ok(ReadEvents { events, unreadable })
+}
+
+/// What the events after `from` up to `last` are, whether or not they can be read.
+///
+/// # Errors
+/// [`StoreError::File`].
+pub(super) fn outlines(
     journal: &Journal,
     from: u64,
     last: u64,
-) -> Result<Vec<Arc<Event>>, StoreError> {
+) -> Result<Vec<EventOutline>, StoreError> {
+    let mut outlines = Vec::new();
+    each_record(journal, from, last, |record| {
+        outlines.push(outline(record.payload));
+        true
+    })?;
+    Ok(outlines)
+}
+
+/// A record of a journal whose checksum fits.
+struct Record<'a> {
+    sequence: u64,
+    payload: &'a [u8],
+    path: &'a Path,
+    /// Where it begins in the file.
+    offset: u64,
+}
+
+/// Visits the records after `from` up to `last`, as far as they are contiguous and until `visit` answers
+/// `false`.
+fn each_record(
+    journal: &Journal,
+    from: u64,
+    last: u64,
+    mut visit: impl FnMut(Record<'_>) -> bool,
+) -> Result<(), StoreError> {
     let segments = journal.segments();
-    let mut events = Vec::new();
     let mut next = from + 1;
     // The file that holds `next`, and those after it.
     let start = segments.iter().rposition(|&first| first <= next).unwrap_or(0);
     for &first in &segments[start.min(segments.len())..] {
-        let path = journal.folder.join(journal_name(first));
-        let bytes = journal.disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+        let path = &journal.folder.join(journal_name(first));
+        let bytes = journal.disk.read(path).map_err(|e| file_error("cannot read", path, &e))?;
         for record in scan(&bytes, &journal.uid, first).records {
             if record.sequence != next || next > last {
                 continue;
             }
-            events.push(decoded(&bytes[record.payload], next, &path)?);
+            let offset = record.payload.start.saturating_sub(HEAD) as u64;
+            let (sequence, payload) = (next, &bytes[record.payload]);
+            if !visit(Record { sequence, payload, path, offset }) {
+                return Ok(());
+            }
             next += 1;
         }
     }
-    Ok(events)
+    Ok(())
 }
 
 /// The event of a record of the file `path`.

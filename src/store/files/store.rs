@@ -9,6 +9,7 @@ use tokio::sync::watch;
 
 use super::failure::{file_error, of_map};
 use super::journal::Journal;
+use super::read::ReadEvents;
 use super::{Entry, FileStore, Inner, blocking, read};
 use crate::map::{Event, Map};
 use crate::store::{
@@ -81,7 +82,10 @@ impl Store for FileStore {
         let _stopped = journal.wait_durable().await;
         let reading = Arc::clone(&journal);
         let events = blocking(&*self.inner.disk, move || read::events(&reading, from, last));
-        let events = events.await.map_err(|error| of_map(map, error))?;
+        let ReadEvents { events, unreadable } = events.await.map_err(|error| of_map(map, error))?;
+        if let Some(damage) = unreadable {
+            journal.lose(damage);
+        }
         // If the journal waits for a resource, events that are not written yet would be missing.
         match journal.state().unavailable() {
             Some(error) if from.saturating_add(events.len() as u64) < last => Err(error.clone()),

@@ -15,3 +15,4 @@ mod restart;
 mod rules;
 mod script;
 mod sealed;
+mod unreadable;

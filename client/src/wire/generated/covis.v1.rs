@@ -1306,6 +1306,10 @@ pub struct Map {
     /// The maps that became part of it, in the order of the merges. Output only.
     #[prost(message, repeated, tag = "13")]
     pub merged_maps: ::prost::alloc::vec::Vec<MergedMap>,
+    /// Why the map takes no changes where state is MAP_STATE_POISONED: for instance which event of its
+    /// journal cannot be read, with its kind and the reason. Empty in every other state. Output only.
+    #[prost(string, tag = "15")]
+    pub state_reason: ::prost::alloc::string::String,
 }
 impl ::prost::Name for Map {
     const NAME: &'static str = "Map";
@@ -2152,7 +2156,8 @@ pub struct PlaceSearch {
     #[prost(message, optional, tag = "3")]
     pub closure: ::core::option::Option<ConstraintRef>,
     /// Why the place was not searched, or no closure was added although a candidate was accepted; absent
-    /// where there is nothing to say. Reasons: "descriptors", "no_room".
+    /// where there is nothing to say. Reasons: "descriptors", "no_room",
+    /// "not_possible".
     #[prost(message, optional, tag = "4")]
     pub refusal: ::core::option::Option<PlaceRefusal>,
     /// Other loop closures of the server that end at this keyframe and that are in the map: of earlier

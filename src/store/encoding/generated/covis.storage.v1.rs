@@ -925,6 +925,8 @@ impl ::prost::Name for MergedClient {
 pub struct MapTakenOut {
     #[prost(string, tag = "1")]
     pub name: ::prost::alloc::string::String,
+    #[prost(bool, tag = "2")]
+    pub clients_leave: bool,
 }
 impl ::prost::Name for MapTakenOut {
     const NAME: &'static str = "MapTakenOut";
@@ -1294,6 +1296,8 @@ pub struct Client {
     pub earlier_frames: ::prost::alloc::vec::Vec<Pose>,
     #[prost(fixed64, optional, tag = "8")]
     pub scale: ::core::option::Option<u64>,
+    #[prost(bool, tag = "9")]
+    pub has_left: bool,
 }
 impl ::prost::Name for Client {
     const NAME: &'static str = "Client";

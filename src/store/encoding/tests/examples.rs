@@ -354,7 +354,7 @@ fn merges(changes: &[Change]) -> Vec<Change> {
     for (links, scale) in [(vec![link], 1.0), (Vec::new(), 0.37)] {
         let at = similarity(1.5, scale);
         let merge = target.merge_of(("garden", &source), at, &names, &links).unwrap();
-        let out = Change::MapTakenOut { name: "garden".to_owned() };
+        let out = Change::MapTakenOut { name: "garden".to_owned(), clients_leave: true };
         for change in [Change::MapMerged { merge: Box::new(merge) }, out] {
             target.apply(&event((target.revision() + 1, &change))).unwrap();
             changes.push(change);

@@ -1,6 +1,7 @@
 //! The doctor on a directory with snapshots and several journal files: every file, flipped bits and
 //! cuts; a check changes nothing, a repair loses nothing.
 
+use crate::store::Repair;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,7 +22,7 @@ async fn left(folder: &Path) {
             store.truncate("a", epoch, last - 7).await.unwrap();
         }
     }
-    let held = check_up(folder, false).unwrap_err();
+    let held = check_up(folder, Repair::No).unwrap_err();
     assert!(matches!(held, StoreError::InUse { .. }), "{held}");
     store.close().await;
 }
@@ -56,7 +57,7 @@ fn write(folder: &Path, files: &BTreeMap<PathBuf, Vec<u8>>) {
 async fn damage_anywhere_is_told_and_repaired_without_losing_a_byte() {
     let origin = tempfile::tempdir().unwrap();
     left(origin.path()).await;
-    let whole = check_up(origin.path(), false).unwrap();
+    let whole = check_up(origin.path(), Repair::No).unwrap();
     assert_eq!((whole.len(), whole[0].revision, whole[0].snapshot), (1, 20, Some(16)));
     assert!(!whole[0].is_damaged() && whole[0].segments.len() > 1, "{whole:?}");
     let good = files(origin.path());
@@ -73,20 +74,20 @@ async fn damage_anywhere_is_told_and_repaired_without_losing_a_byte() {
             let what = format!("{} at {at}, round {round}", path.display());
             let folder = tempfile::tempdir().unwrap();
             write(folder.path(), &hurt);
-            let told = check_up(folder.path(), false).unwrap();
+            let told = check_up(folder.path(), Repair::No).unwrap();
             assert_eq!(files(folder.path()), hurt, "{what}: looking changes nothing");
             // The mark is not part of the map's content.
             let is_mark = path.ends_with("durable");
             assert_eq!(told[0].is_damaged(), !is_mark, "{what}: {told:?}");
             lost += usize::from(told[0].damage.iter().any(|damage| damage.lost.is_some()));
 
-            let mended = check_up(folder.path(), true).unwrap();
+            let mended = check_up(folder.path(), Repair::Damage).unwrap();
             assert_eq!(mended[0].failure, None, "{what}");
             let after = files(folder.path());
             for bytes in hurt.values() {
                 assert!(after.values().any(|kept| kept == bytes), "{what}: bytes are gone");
             }
-            let again = check_up(folder.path(), false).unwrap();
+            let again = check_up(folder.path(), Repair::No).unwrap();
             assert!(!again[0].is_damaged(), "{what}: {again:?}");
             assert_eq!(again[0].revision, told[0].revision, "{what}");
             let store = FileStore::open(folder.path(), SMALL).await.unwrap();
@@ -113,9 +114,9 @@ async fn a_map_of_which_nothing_is_left_is_moved_away() {
             fs_err::write(folder.path().join(path), &bytes[..50]).unwrap();
         }
     }
-    let mended = check_up(folder.path(), true).unwrap();
+    let mended = check_up(folder.path(), Repair::Damage).unwrap();
     assert!(mended[0].revision == 0 && mended[0].set_aside[0].is_dir(), "{mended:?}");
-    assert_eq!(check_up(folder.path(), false).unwrap(), []);
+    assert_eq!(check_up(folder.path(), Repair::No).unwrap(), []);
     let store = FileStore::open(folder.path(), SMALL).await.unwrap();
     assert_eq!(store.list_maps().await.unwrap(), Vec::<String>::new());
     store.create_map("a", None).await.unwrap();

@@ -1,6 +1,7 @@
 //! Foreign entries of a data directory, and files of a later version: the start, the doctor and the
 //! backup do not change them.
 
+use crate::store::Repair;
 use std::path::Path;
 
 use super::faulty::{FaultyDisk, Survives};
@@ -50,7 +51,7 @@ async fn what_is_not_ours_is_left_alone_and_stops_nothing() {
     let entries = || fs_err::read_dir(&maps).unwrap().count();
     let before = entries();
 
-    let checkups = check_up(root.path(), false).unwrap();
+    let checkups = check_up(root.path(), Repair::No).unwrap();
     assert_eq!(checkups.len(), 1, "{checkups:?}");
     assert!(!checkups[0].is_damaged() && entries() == before, "{checkups:?}");
     let backup = tempfile::tempdir().unwrap();
