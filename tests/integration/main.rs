@@ -102,6 +102,7 @@ mod rpc_place_lists;
 mod rpc_places;
 mod rpc_pose_graph;
 mod rpc_prices;
+mod rpc_readable;
 mod rpc_scales;
 mod rpc_server;
 mod rpc_update;

@@ -90,6 +90,44 @@ async fn ingest(server: &TestServer) {
 }
 
 #[test]
+fn a_result_that_is_not_possible_is_refused_and_counted_and_the_map_goes_on() {
+    run(async {
+        let server = start(|config| config.test_fault = Some("impossible-result".to_owned())).await;
+        server.create_map("house").await;
+        let (stream, _) = Stream::open(&server, "house", "robot", 0).await;
+        stream.send(1, Item::Camera(camera(0))).await;
+        for id in 0..4 {
+            stream.send(id + 2, Item::Keyframe(keyframe(id))).await;
+        }
+        let acks = stream.finish().await.unwrap();
+        let refused = |ack: &&v1::IngestAck| ack.status() == v1::AckStatus::Optimized;
+        let last = acks.iter().rfind(refused).unwrap();
+        let failure = last.solve_failure.as_ref().unwrap();
+        assert_eq!(failure.reason(), v1::ViolationReason::OutOfRange, "{failure:?}");
+        assert!(failure.description.contains("keyframe"), "{failure:?}");
+        let optimize = v1::OptimizeMapRequest { map_id: "house".to_owned(), ..Default::default() };
+        let mut rows = server.optimization().optimize_map(optimize).await.unwrap().into_inner();
+        let status = loop {
+            match rows.message().await {
+                Ok(row) => assert!(row.is_some(), "the result was taken"),
+                Err(status) => break status,
+            }
+        };
+        check_status(&status, Code::FailedPrecondition, "CHANGE_REFUSED");
+        let page = Page::of(&server.running).await;
+        assert!(page.get("covis_changes_refused_total{change=\"solve\"}") >= 2.0);
+        assert_eq!(page.get("covis_maps{state=\"open\"}"), 1.0);
+        // It takes the next item, and its keyframes are where they were sent.
+        let (mut stream, opened) = Stream::open(&server, "house", "robot", 0).await;
+        assert_eq!(opened.next_sequence, 6);
+        let ack = stream.put(6, Item::Keyframe(keyframe(4))).await;
+        assert_eq!(ack.status(), v1::AckStatus::Received);
+        let sent = server.watched("house").await.keyframes;
+        assert!(sent.len() >= 4 && sent.iter().all(|k| k.world_from_camera.is_some()));
+    });
+}
+
+#[test]
 fn items_solves_calls_and_the_journal_are_counted() {
     run(async {
         let folder = tempfile::tempdir().unwrap();
