@@ -7,6 +7,8 @@
 //! in the solve but belong to a keyframe that moved follow it in the same way, as do those that a local
 //! solve moved behind a camera or left without parallax (`window`).
 //!
+//! A keyframe that the gauge holds never moves (`gauge`), also where it became the first one meanwhile.
+//!
 //! What a client edited meanwhile stays as the client left it: an entity that was removed gets nothing,
 //! one that was added again under the same id counts as new, a camera that was replaced keeps its new
 //! intrinsics, and a verdict holds for the very closure that was judged.
@@ -16,11 +18,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use nalgebra::Vector3;
 
+use super::gauge::keep_gauge;
 use super::numbers::is_finite;
 use super::window::is_well_placed;
 use super::{
-    AppliedSolve, ClientIndex, ClosureEdge, ConstraintKind, EntityId, GraphProblem, Keyframe,
-    Landmark, Map, MapProblem, SolveKind, SwitchedOff,
+    AppliedSolve, ClientIndex, ClosureEdge, ConstraintKind, EntityId, Gauge, GraphProblem,
+    Keyframe, Landmark, Map, MapProblem, SolveKind, SwitchedOff,
 };
 
 /// A problem whose values a solver has moved.
@@ -38,6 +41,16 @@ impl Solved<'_> {
             Self::Bundle(p) => p.start_revision,
             Self::Graph(p) => p.start_revision,
         }
+    }
+
+    /// The gauge under which its result is applied to `map`: the one that was asked for, else that of the
+    /// map's policy.
+    pub fn gauge(&self, map: &Map) -> Gauge {
+        let asked = match self {
+            Self::Bundle(p) => p.gauge,
+            Self::Graph(p) => p.gauge,
+        };
+        asked.unwrap_or(map.policy().gauge)
     }
 
     /// The poses that were free to move.
@@ -141,11 +154,12 @@ pub fn applied(
         |id: &EntityId| keyframes.get(id).is_some_and(|known| known.added_revision <= start);
     let mut poses: BTreeMap<EntityId, Se3> =
         solved.poses().into_iter().filter(|(id, _)| was_solved(id)).collect();
+    let mut landmarks = solved.landmarks();
+    keep_gauge(map_now, solved.gauge(map_now), kind, &mut poses, &mut landmarks);
     let late = late_poses(map_now, start, &poses);
     poses.extend(late);
 
-    let mut landmarks: Vec<(EntityId, Vector3<f64>)> = solved
-        .landmarks()
+    let mut landmarks: Vec<(EntityId, Vector3<f64>)> = landmarks
         .into_iter()
         .filter(|(id, position)| {
             let known = map_now.landmarks().get(id);

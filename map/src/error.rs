@@ -63,6 +63,9 @@ pub enum MapError {
     /// The event adds something that the map holds already.
     #[error("revision {revision}: {kind} {id} exists already")]
     Exists { revision: i64, kind: EntityKind, id: EntityId },
+    /// The result of a solve would move a keyframe that the map's gauge holds.
+    #[error("the gauge holds keyframe {keyframe}, and the result of a solve moves it")]
+    GaugeMoved { keyframe: EntityId },
     /// A map from outside holds what no event makes.
     #[error("{kind} {id} {what}")]
     Unsound { kind: EntityKind, id: EntityId, what: &'static str },

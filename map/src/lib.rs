@@ -35,6 +35,7 @@ mod error;
 mod event;
 mod fold;
 mod frames;
+mod gauge;
 mod hash;
 mod ids;
 mod item;

@@ -26,7 +26,8 @@ pub enum WhenFull {
 /// this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Gauge {
-    /// Priors; in each connected piece of the map that has none its first keyframe.
+    /// Priors; in each connected piece of the map that has none the keyframe that arrived first, which no
+    /// solve and no other change moves.
     #[default]
     FirstKeyframeFixed,
     /// Priors, and the solver's damping. A pose graph needs more: there as above.

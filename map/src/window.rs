@@ -3,8 +3,9 @@
 //! Free are one keyframe, or several that an edit concerns, and those that share most landmarks with
 //! them, by count, then the more recent, then the lower id. The window's landmarks are those that the
 //! free keyframes see; every other keyframe that sees one of them is held fixed and so ties the window
-//! to the rest of the map. If nothing would be fixed, the oldest keyframe is fixed (the gauge); the
-//! scale of a monocular window is then still free, and the damping of the solver holds it.
+//! to the rest of the map. A keyframe that the map's gauge holds (`gauge`) is fixed too, wherever it is in
+//! the window. If nothing would be fixed, the keyframe that arrived first is; the scale of a monocular
+//! window is then still free, and the damping of the solver holds it.
 //!
 //! If two rays meet at less than about 1°, noise determines the depth of a point: a window would move
 //! it far away or behind a camera, and neither later keyframes nor a solve of the whole map would
@@ -73,9 +74,14 @@ pub fn choose_window(map: &Map, keyframes: &[EntityId]) -> Window {
         .collect();
     let is_pose_prior = |id| matches!(map.priors().get(&id), Some(Prior::Pose { .. }));
     let has_pose_prior = free.iter().any(|&id| map.ties().of(id).any(is_pose_prior));
+    for id in map.held_among(map.policy().gauge, &free) {
+        free.remove(&id);
+        fixed.insert(id);
+    }
+    let arrival = |id: EntityId| map.keyframes().get(&id).map_or(0, |k| k.added_revision);
     if fixed.is_empty()
         && !has_pose_prior
-        && let Some(&oldest) = free.iter().min_by_key(|&&id| (time(id), id))
+        && let Some(&oldest) = free.iter().min_by_key(|&&id| (arrival(id), id))
     {
         free.remove(&oldest);
         fixed.insert(oldest);

@@ -19,11 +19,11 @@ use crate::map_support::{
 };
 
 /// Added to the ids of what is seen on the second visit.
-const AGAIN: i64 = 1000;
+pub(crate) const AGAIN: i64 = 1000;
 
 /// A street of four keyframes that is walked twice: ids differ by [`AGAIN`] the second time, and where
 /// the client places things by `off`. Closure 0 joins the keyframes 1 of both visits.
-fn twice(off: f64) -> Journal {
+pub(crate) fn twice(off: f64) -> Journal {
     let policy = MapPolicy { when_full: WhenFull::Marginalize, ..MapPolicy::default() };
     let mut journal = street(4, policy);
     for index in 0..4 {
@@ -71,7 +71,8 @@ fn measured_pairs(map: &Map) -> Vec<(EntityId, EntityId)> {
     GraphPairs::of(map).ids().collect()
 }
 
-fn found(journal: &mut Journal) {
+/// Unites the landmarks of both visits.
+pub(crate) fn found(journal: &mut Journal) {
     let comparison = Comparison { closure: id(0), pairs: pairs(&journal.map) };
     journal.push(Change::DuplicatesFound { comparisons: vec![comparison] });
 }

@@ -15,6 +15,7 @@ use covis_solvers::problem::{BundleProblem, DisjointSets};
 use covis_solvers::robust::default_threshold;
 
 use super::{GlobalOptions, MapProblem};
+use crate::gauge::held_poses;
 use crate::window::is_usable;
 use crate::{ConstraintKind, Depth, EntityId, Gauge, Keyframe, Map, Prior, Window};
 
@@ -40,12 +41,13 @@ pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
     builder.strained_priors_wait = map.policy().loop_closure;
     poses.for_each(|(id, constant)| builder.keyframe(id, constant));
     window.landmarks.iter().for_each(|&id| builder.landmark(id));
+    builder.window_frame = window_frame(map, window);
     builder.finish(true)
 }
 
 /// The problem of the whole map.
 ///
-/// By default the lowest keyframe of each piece of the map is held that no prior places in the world;
+/// By default the first keyframe of each piece of the map is held that no prior places in the world;
 /// see [`Gauge`].
 #[must_use]
 pub fn global_problem(map: &Map, options: &GlobalOptions) -> MapProblem {
@@ -53,10 +55,10 @@ pub fn global_problem(map: &Map, options: &GlobalOptions) -> MapProblem {
     map.keyframes().keys().for_each(|&id| builder.keyframe(id, false));
     map.landmarks().keys().filter(|&&id| is_usable(map, id)).for_each(|&id| builder.landmark(id));
     match options.gauge {
-        Gauge::FirstKeyframeFixed => builder.fix_pieces(false),
-        Gauge::FixedPoses => builder.fix_pieces(true),
+        Gauge::FirstKeyframeFixed | Gauge::FixedPoses => builder.fix_pieces(options.gauge),
         Gauge::Free | Gauge::Priors => {}
     }
+    builder.gauge = Some(options.gauge);
     builder.finish(options.fix_intrinsics)
 }
 
@@ -72,6 +74,21 @@ pub fn observation_problem(map: &Map) -> MapProblem {
     let seen = map.landmarks().iter().filter(|(_, landmark)| !landmark.observers.is_empty());
     seen.for_each(|(&id, _)| builder.landmark(id));
     builder.finish(true)
+}
+
+/// What the fixed keyframes of a window are: those that the map's gauge holds, or those around it.
+fn window_frame(map: &Map, window: &Window) -> Option<Gauge> {
+    let gauge = map.policy().gauge;
+    // The gauge holds at most one keyframe of a client.
+    let may_be_held = window.fixed.len() <= map.clients().len();
+    let is_held = may_be_held && {
+        let fixed = window.fixed.iter().copied().collect();
+        map.held_among(gauge, &fixed).len() == window.fixed.len()
+    };
+    match window.fixed.is_empty() {
+        true => None,
+        false => Some(if is_held { gauge } else { Gauge::FixedPoses }),
+    }
 }
 
 /// The problem whose marginal is the information of `keyframe`, which is pose 0, on its neighbors:
@@ -108,6 +125,12 @@ struct Builder<'a> {
     /// Whether what depends on estimates counts: which landmarks have one, which observations they do not
     /// fit at all, closures and priors.
     looks_at_estimates: bool,
+    /// The gauge that was asked for.
+    gauge: Option<Gauge>,
+    /// The poses that `gauge` holds in a problem of the whole map.
+    held: Vec<usize>,
+    /// What the fixed poses of a window are.
+    window_frame: Option<Gauge>,
 }
 
 impl<'a> Builder<'a> {
@@ -127,6 +150,9 @@ impl<'a> Builder<'a> {
             duplicates: Vec::new(),
             strained_priors_wait: false,
             looks_at_estimates: true,
+            gauge: None,
+            held: Vec::new(),
+            window_frame: None,
         }
     }
 
@@ -158,8 +184,8 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Holds the lowest keyframe of each piece, of those with priors only if `all`.
-    fn fix_pieces(&mut self, all: bool) {
+    /// Holds the first keyframe of each piece that `gauge` wants held.
+    fn fix_pieces(&mut self, gauge: Gauge) {
         let mut pieces = DisjointSets::new(self.keyframes.len());
         for id in self.landmark_of.keys() {
             let Some(landmark) = self.map.landmarks().get(id) else { continue };
@@ -177,20 +203,12 @@ impl<'a> Builder<'a> {
         for (_, constraint) in self.map.active_constraints() {
             self.join(&mut pieces, constraint.keyframe_i, constraint.keyframe_j);
         }
-        let mut is_placed = vec![false; self.keyframes.len()];
-        let counts = |id: &&EntityId| self.map.active_prior(**id).is_some();
-        for prior in
-            self.map.priors().keys().filter(counts).filter_map(|id| self.map.priors().get(id))
-        {
-            if let Some(&pose) = self.pose_of.get(&prior.keyframe()) {
-                is_placed[pieces.root(pose)] = true;
-            }
-        }
-        for root in pieces.roots() {
-            if all || !is_placed[root] {
-                self.problem.constant_poses[root] = true;
-            }
-        }
+        let active =
+            self.map.priors().iter().filter(|(id, _)| self.map.active_prior(**id).is_some());
+        let placed = active.filter_map(|(_, prior)| self.pose_of.get(&prior.keyframe()).copied());
+        let held = held_poses(self.map, gauge, &self.keyframes, pieces, placed);
+        held.iter().for_each(|&pose| self.problem.constant_poses[pose] = true);
+        self.held = held;
     }
 
     fn join(&self, pieces: &mut DisjointSets, a: EntityId, b: EntityId) {
@@ -225,7 +243,15 @@ impl<'a> Builder<'a> {
             *constant |= count < MIN_OBSERVATIONS;
         }
         let start_cameras = self.problem.cameras.clone();
+        let (whole, positions) = (&self.problem.pose_priors, &self.problem.position_priors);
+        let has_priors = !(whole.is_empty() && positions.is_empty());
+        let otherwise = if has_priors { Gauge::Priors } else { Gauge::Free };
+        // A keyframe alone fixes no frame but its own.
+        let holds = self.held.iter().any(|&pose| measured[pose] >= MIN_OBSERVATIONS);
+        let frame = self.window_frame.or(self.gauge.filter(|_| holds));
         MapProblem {
+            frame: frame.unwrap_or(otherwise),
+            gauge: self.gauge,
             problem: self.problem,
             keyframes: self.keyframes,
             cameras: camera_of.into_keys().collect(),

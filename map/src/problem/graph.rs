@@ -79,8 +79,9 @@ pub fn measured_graph(
     }
     let factors = factors(map, &graph, &closures);
     scale(&mut graph, &owners, &closures, &factors);
-    let positions = priors::add(map, gauge, pairs, &mut graph);
-    GraphProblem { graph, keyframes, closures, positions, factors, start_revision: map.revision() }
+    let positions = priors::add(map, gauge, (pairs, &keyframes), &mut graph);
+    let (start_revision, gauge) = (map.revision(), Some(gauge));
+    GraphProblem { graph, keyframes, closures, positions, factors, start_revision, gauge }
 }
 
 /// The edges between pairs that no constraint replaces: the pose of the second keyframe in the frame of

@@ -11,6 +11,7 @@ mod reconstructed;
 
 use std::collections::BTreeMap;
 
+use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
@@ -39,6 +40,10 @@ pub struct MapProblem {
     pub duplicates: Vec<(EntityId, usize)>,
     /// The map's revision that it was built from.
     pub start_revision: i64,
+    /// The gauge that was asked for; `None` where the map's policy decides.
+    pub gauge: Option<Gauge>,
+    /// What fixes its frame.
+    pub frame: Gauge,
 }
 
 impl MapProblem {
@@ -60,7 +65,7 @@ pub struct GlobalOptions {
     pub loss: Loss,
     /// Whether intrinsics stay as they are (true).
     pub fix_intrinsics: bool,
-    /// What fixes the frame (priors, else the lowest keyframe of each piece).
+    /// What fixes the frame (priors, else the first keyframe of each piece).
     pub gauge: Gauge,
 }
 
@@ -86,6 +91,8 @@ pub struct GraphProblem {
     pub factors: BTreeMap<ClientIndex, VarianceFactors>,
     /// The map's revision that it was built from.
     pub start_revision: i64,
+    /// The gauge that was asked for; `None` where the map's policy decides.
+    pub gauge: Option<Gauge>,
 }
 
 /// An edge of a pose graph that is a loop closure.
@@ -113,6 +120,25 @@ impl GraphProblem {
     pub fn trusted(&self) -> Vec<usize> {
         let mut closures = self.closures.iter().map(|closure| closure.edge).peekable();
         (0..self.graph.edges.len()).filter(|edge| closures.next_if_eq(edge).is_none()).collect()
+    }
+
+    /// What fixes the frame of a graph that was built for `gauge`: a first keyframe that it holds and that
+    /// an edge ties to others, else the priors that count.
+    pub fn frame(&self, gauge: Gauge) -> Gauge {
+        let constant = &self.graph.constant;
+        let holds = |edge: &RelativePose<Se3, 6>| constant[edge.i] || constant[edge.j];
+        let counts = |position: &JudgedPosition| position.switched_off.is_none();
+        let has_priors = !self.graph.pose_priors.is_empty() || self.positions.iter().any(counts);
+        match () {
+            () if self.graph.edges.iter().any(holds) => match gauge {
+                Gauge::FixedPoses => Gauge::FixedPoses,
+                Gauge::FirstKeyframeFixed | Gauge::Free | Gauge::Priors => {
+                    Gauge::FirstKeyframeFixed
+                }
+            },
+            () if has_priors => Gauge::Priors,
+            () => Gauge::Free,
+        }
     }
 
     /// Whether there is an edge or a prior and a pose that may move.

@@ -2,21 +2,24 @@
 //!
 //! Priors on whole poses and on positions enter with their own information and loss. A position prior
 //! that is switched off enters too, because it is judged again, and says where its piece is as the
-//! others do: what is held does not depend on earlier verdicts. Nothing is solved here.
+//! others do: what is held does not depend on earlier verdicts. `gauge` decides what is held; a pose
+//! graph has no other frame, so that it holds a keyframe of each piece without priors under any gauge.
+//! Nothing is solved here.
 
 use covis_solvers::factors::{PosePrior, PositionPrior};
 use covis_solvers::geometry::Se3;
 use covis_solvers::problem::{DisjointSets, PoseGraph};
 
 use super::JudgedPosition;
-use crate::{Gauge, GraphPairs, Map, Prior};
+use crate::gauge::held_poses;
+use crate::{EntityId, Gauge, GraphPairs, Map, Prior};
 
-/// Adds the priors of `map` to its graph, and holds the lowest keyframe of each piece that `gauge`
+/// Adds the priors of `map` to its graph, and holds the first keyframe of each piece that `gauge`
 /// wants held. Returns the position priors in their order in the graph.
 pub(super) fn add(
     map: &Map,
     gauge: Gauge,
-    pairs: &GraphPairs<'_>,
+    (pairs, keyframes): (&GraphPairs<'_>, &[EntityId]),
     graph: &mut PoseGraph<Se3, 6>,
 ) -> Vec<JudgedPosition> {
     let mut positions = Vec::new();
@@ -40,21 +43,12 @@ pub(super) fn add(
             }
         }
     }
-    hold(gauge, graph);
-    positions
-}
-
-fn hold(gauge: Gauge, graph: &mut PoseGraph<Se3, 6>) {
     let mut pieces = DisjointSets::new(graph.poses.len());
     graph.edges.iter().for_each(|edge| _ = pieces.join(edge.i, edge.j));
-    let mut is_placed = vec![false; graph.poses.len()];
-    if gauge != Gauge::FixedPoses {
-        let whole = graph.pose_priors.iter().map(|prior| prior.pose);
-        for pose in whole.chain(graph.position_priors.iter().map(|prior| prior.pose)) {
-            is_placed[pieces.root(pose)] = true;
-        }
+    let whole = graph.pose_priors.iter().map(|prior| prior.pose);
+    let placed = whole.chain(graph.position_priors.iter().map(|prior| prior.pose));
+    for pose in held_poses(map, gauge, keyframes, pieces, placed) {
+        graph.constant[pose] = true;
     }
-    for root in pieces.roots() {
-        graph.constant[root] = !is_placed[root];
-    }
+    positions
 }

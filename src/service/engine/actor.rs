@@ -350,11 +350,15 @@ impl Actor {
         let fits = if is_large { self.compute(check).await } else { check(&self.map) };
         let touched = match fits {
             Ok(touched) => touched,
-            Err(error) => return Err(self.refuse(&event, error.to_string())),
+            Err(error) => {
+                return Err(self.refuse(&event.change, event.cause.is_some(), error.to_string()));
+            }
         };
         let appended = self.durability.append(Arc::clone(&event), is_large, &self.pool).await;
         let position = appended.map_err(|error| match error {
-            StoreError::NotReadable { reason, .. } => self.refuse(&event, reason),
+            StoreError::NotReadable { reason, .. } => {
+                self.refuse(&event.change, event.cause.is_some(), reason)
+            }
             error => EngineError::Store(error),
         })?;
         self.recognition.changed();
@@ -392,10 +396,10 @@ impl Actor {
 
     /// Counts and reports an event that is not possible. Clients are checked before, so that it is a bug or a
     /// result that overflowed.
-    fn refuse(&self, event: &Event, reason: String) -> EngineError {
-        let (map, change) = (self.shared.name.clone(), event.change.name());
+    pub(super) fn refuse(&self, change: &Change, is_item: bool, reason: String) -> EngineError {
+        self.shared.meters.refuse(change, is_item);
+        let (map, change) = (self.shared.name.clone(), change.name());
         tracing::error!(map, change, reason, "a change is not possible and is refused");
-        self.shared.meters.refuse(&event.change, event.cause.is_some());
         EngineError::Refused { map, change, reason }
     }
 

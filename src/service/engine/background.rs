@@ -21,8 +21,7 @@ use super::pool::{Slot, SolvePanicked, SolverPool};
 use super::solve::{OptimizeOptions, Outcome, Solution, solve_map, solve_window};
 use super::{EngineError, Estimate};
 use crate::map::{
-    Change, Comparison, EntityId, Map, SolveKind, applied, choose_window, find_duplicates,
-    local_problem,
+    Change, Comparison, EntityId, Map, SolveKind, choose_window, find_duplicates, local_problem,
 };
 
 /// Closures that are compared at once, on the threads that there are; the journal then has them.
@@ -251,7 +250,8 @@ impl Actor {
         // It moves what the window holds.
         self.solving.supersede_window();
         let costs = (certificate.solve.initial_cost, certificate.solve.final_cost);
-        let solve = move |map: &Map| applied(map, moved.solved(), kind, Vec::new(), costs);
-        Some(Change::SolveApplied { solve: self.compute(solve).await })
+        let solve = self.result(moved, kind, Vec::new(), costs).await.ok();
+        self.background.gave_up |= solve.is_none() && kind == SolveKind::Global;
+        Some(Change::SolveApplied { solve: solve? })
     }
 }

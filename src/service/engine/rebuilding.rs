@@ -104,6 +104,9 @@ pub(super) fn rebuild_map(
     let has_position = |id| map.landmarks().get(id).is_some_and(|known| known.position.is_some());
     let had_position: Vec<bool> = problem.landmarks.iter().map(has_position).collect();
     let clients: Vec<String> = map.clients().iter().map(|client| client.name.clone()).collect();
+    problem.gauge = options.gauge;
+    let gauge = options.gauge.unwrap_or(map.policy().gauge);
+    let held = map.held_keyframes(gauge);
     drop(map);
     let options = reconstruction::Options {
         frame: Frame::Given,
@@ -123,6 +126,9 @@ pub(super) fn rebuild_map(
         (clients.get(client as usize).cloned().unwrap_or_default(), id.id)
     };
     let rebuilt = Rebuilt::new(&found, name)?;
+    // The result is moved so that what the gauge holds stays where it is.
+    let mut placed = problem.keyframes.iter().zip(&found.poses).filter(|(_, pose)| pose.is_some());
+    let is_held = placed.any(|(id, _)| held.contains(id));
     let Some(BundleSummary { mut solve, linear_solver, .. }) = found.adjustment.clone() else {
         return Err(SolveError::Empty(NOTHING_PLACED));
     };
@@ -140,7 +146,7 @@ pub(super) fn rebuild_map(
         linear_solver: SolverKind::Schur(linear_solver),
         before,
         after,
-        gauge: GaugeKind::Free,
+        gauge: if is_held { gauge } else { GaugeKind::Free },
         free_poses: rebuilt.placed,
         fixed_poses,
         free_landmarks: rebuilt.placed_landmarks,

@@ -261,9 +261,7 @@ pub(super) fn solve_window(
 ) -> Outcome {
     let optimizer = optimizer::Options { max_iterations, ceiling, ..optimizer::Options::default() };
     let options = OptimizeOptions { optimizer, ..OptimizeOptions::default() };
-    let is_held = problem.problem.constant_poses.contains(&true);
-    let gauge = if is_held { GaugeKind::FixedPoses } else { GaugeKind::Free };
-    solve_bundle(problem, &options, gauge, cancel, &mut ignore_iterations)
+    solve_bundle(problem, &options, cancel, &mut ignore_iterations)
 }
 
 /// Bundle adjustment of the whole map.
@@ -278,20 +276,20 @@ pub(super) fn solve_map(
     let global = GlobalOptions { loss, fix_intrinsics: !options.refine_intrinsics, gauge };
     let mut problem = global_problem(&map, &global);
     drop(map);
+    problem.gauge = options.gauge;
     if let Some(loss) = options.constraint_loss {
         problem.problem.relative_pose_loss = loss;
     }
-    solve_bundle(problem, options, gauge, cancel, &mut |row| {
+    solve_bundle(problem, options, cancel, &mut |row| {
         tell(SolveStep::Iteration(*row));
         Control::Continue
     })
 }
 
-/// Bundle adjustment of a problem that was built for `gauge`.
+/// Bundle adjustment.
 fn solve_bundle(
     mut problem: MapProblem,
     options: &OptimizeOptions,
-    gauge: GaugeKind,
     cancel: &Arc<AtomicBool>,
     observer: &mut optimizer::Observer<'_>,
 ) -> Outcome {
@@ -314,14 +312,13 @@ fn solve_bundle(
         return Err(SolveError::Singular { what: "intrinsics of camera", id });
     }
     let fixed_poses = bundle.constant_poses.iter().filter(|&&c| c).count();
-    let has_priors = !(bundle.pose_priors.is_empty() && bundle.position_priors.is_empty());
     let certificate = SolveCertificate {
         solve: summary.solve,
         method: optimizer.method,
         linear_solver: SolverKind::Schur(summary.linear_solver),
         before,
         after: bundle_cost(bundle),
-        gauge: used_gauge(gauge, fixed_poses > 0, has_priors),
+        gauge: problem.frame,
         free_poses: bundle.poses.len() - fixed_poses,
         fixed_poses,
         free_landmarks: bundle.constant_landmarks.iter().filter(|&&c| !c).count(),
@@ -337,18 +334,6 @@ pub(super) fn interrupt(deadline: Option<Instant>, cancel: &Arc<AtomicBool>) -> 
     Interrupt::at(deadline).or_when(Arc::clone(cancel))
 }
 
-/// What fixes the frame of a problem that was built for `gauge`.
-fn used_gauge(gauge: GaugeKind, has_constant: bool, has_priors: bool) -> GaugeKind {
-    match gauge {
-        GaugeKind::FixedPoses => GaugeKind::FixedPoses,
-        GaugeKind::FirstKeyframeFixed | GaugeKind::Free | GaugeKind::Priors => match () {
-            () if has_constant => GaugeKind::FirstKeyframeFixed,
-            () if has_priors => GaugeKind::Priors,
-            () => GaugeKind::Free,
-        },
-    }
-}
-
 /// Pose-graph optimization.
 fn solve_graph(
     map: Arc<Map>,
@@ -357,13 +342,14 @@ fn solve_graph(
     certify: bool,
     cancel: &Arc<AtomicBool>,
 ) -> Outcome {
-    let OptimizeOptions { optimizer, constraint_loss, gauge, deadline, .. } = *options;
+    let OptimizeOptions { optimizer, constraint_loss, deadline, .. } = *options;
     let interrupt = interrupt(deadline, cancel);
-    let gauge = gauge.unwrap_or(map.policy().gauge);
+    let gauge = options.gauge.unwrap_or(map.policy().gauge);
     let graph_pairs = GraphPairs::of(&map);
     let motions = pairs.complete(&map, &graph_pairs, &interrupt);
     let mut problem = measured_graph(&map, gauge, &graph_pairs, &motions);
     drop((graph_pairs, motions));
+    problem.gauge = options.gauge;
     let robustness = map.policy().loop_closure_robustness;
     let named = |(client, &factors): (&ClientIndex, &VarianceFactors)| {
         Some((map.client(*client)?.name.clone(), factors))
@@ -423,7 +409,7 @@ fn solve_graph(
         factors,
     });
     let fixed_poses = problem.graph.constant.iter().filter(|&&c| c).count();
-    let gauge = used_gauge(gauge, fixed_poses > 0, problem.graph.has_priors());
+    let gauge = problem.frame(gauge);
     let certificate = SolveCertificate {
         closures: closures.filter(|closures| closures.judged > 0),
         solve: solved.solve,

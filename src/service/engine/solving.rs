@@ -19,13 +19,14 @@ use super::actor::Actor;
 use super::handle::Shared;
 use super::pool::{Slot, SolvePanicked, SolverPool};
 use super::schedule::Schedule;
-use super::solve::{Job, Outcome, Solution, solve_whole, solve_window};
+use super::solve::{Job, Moved, Outcome, Solution, solve_whole, solve_window};
 use super::{
     EngineError, Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, SolveReport,
     SolveStep,
 };
 use crate::map::{
-    Change, EntityId, Map, RequestId, SolveKind, SwitchedOff, applied, choose_window, local_problem,
+    AppliedSolve, Change, ClientIndex, EntityId, Map, RequestId, SolveKind, SwitchedOff, applied,
+    choose_window, local_problem,
 };
 
 /// The solve that runs.
@@ -318,14 +319,18 @@ impl Actor {
         let costs = (certificate.solve.initial_cost, certificate.solve.final_cost);
         if costs.1.is_finite() {
             let covered = self.solving.schedule.preview(&running.triggers);
-            let kind = running.kind;
-            let solve = self.compute(move |map| applied(map, moved.solved(), kind, covered, costs));
-            let mut solve = solve.await;
-            solve.request = self.solving.request_of(running);
-            if self.shared.config.injects(Fault::ImpossibleResult) {
-                solve.poses.iter_mut().for_each(|(_, pose)| pose.translation.x = f64::INFINITY);
-            }
-            if let Err(error) = self.commit(None, Change::SolveApplied { solve }).await {
+            let applied = match self.result(moved, running.kind, covered, costs).await {
+                Ok(mut solve) => {
+                    solve.request = self.solving.request_of(running);
+                    if self.shared.config.injects(Fault::ImpossibleResult) {
+                        let poses = solve.poses.iter_mut();
+                        poses.for_each(|(_, pose)| pose.translation.x = f64::INFINITY);
+                    }
+                    self.commit(None, Change::SolveApplied { solve }).await
+                }
+                Err(error) => Err(error),
+            };
+            if let Err(error) = applied {
                 if let EngineError::Refused { reason, .. } = &error {
                     let report = SolveReport::Refused { reason: reason.clone() };
                     self.optimized(&running.triggers, running.id, &report);
@@ -357,6 +362,35 @@ impl Actor {
             switched_off,
             rebuilt,
         })
+    }
+}
+
+impl Actor {
+    /// The result of a solve as it is to be journaled.
+    ///
+    /// # Errors
+    /// [`EngineError::Refused`]: it would move what the map's gauge holds. The map stays as it is.
+    pub(super) async fn result(
+        &self,
+        moved: Moved,
+        kind: SolveKind,
+        covered: Vec<(ClientIndex, i64)>,
+        costs: (f64, f64),
+    ) -> Result<AppliedSolve, EngineError> {
+        let solve = move |map: &Map| {
+            let solved = moved.solved();
+            let solve = applied(map, solved, kind, covered, costs);
+            let kept = map.keeps_gauge(solved.gauge(map), &solve);
+            (solve, kept)
+        };
+        let (solve, kept) = self.compute(solve).await;
+        match kept {
+            Ok(()) => Ok(solve),
+            Err(error) => {
+                let change = Change::SolveApplied { solve };
+                Err(self.refuse(&change, false, error.to_string()))
+            }
+        }
     }
 }
 

@@ -905,8 +905,10 @@ impl LossKind {
 pub enum Gauge {
     /// The default: GAUGE_FIRST_KEYFRAME_FIXED in requests; in answers, not known.
     Unspecified = 0,
-    /// The first keyframe of the oldest client (in a stateless solve: the first pose, or the vertex
-    /// with the lowest id) is held. Of a map: that of each piece that no prior places in the world.
+    /// The first keyframe is held, to the bit (in a stateless solve: the first pose, or the vertex with
+    /// the lowest id). Of a map: in each piece that no prior places in the world, the keyframe that
+    /// arrived before the others, whatever its capture time. No solve, closure, edit or merge moves it.
+    /// When it leaves the map, the next one is held where it is.
     FirstKeyframeFixed = 1,
     /// Nothing is held; damping alone keeps the solve regular. A pose graph of a map holds the first
     /// keyframe of each piece without priors all the same.
@@ -914,7 +916,7 @@ pub enum Gauge {
     /// Priors fix the frame. Asked for: as FREE.
     Priors = 3,
     /// Poses marked as fixed, or the keyframes around a window, fix the frame. Asked for of a map, which
-    /// marks none: the first keyframe of each piece is held, beside priors too.
+    /// marks none: the first keyframe of each piece is held as above, beside priors too.
     FixedPoses = 4,
 }
 impl Gauge {
