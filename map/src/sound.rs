@@ -70,6 +70,9 @@ impl Map {
         let placed = self.merged().iter().map(|merged| &merged.target_from_source);
         let placed = placed.into_iter().all(is_similarity);
         check_map(placed, "a merged map lies where it cannot")?;
+        let mut first = self.merged().iter().filter_map(|merged| merged.first);
+        let first = first.all(|(id, pose)| self.client(id.client).is_some() && is_pose(&pose));
+        check_map(first, "the first keyframe of a merged map is not possible")?;
         for &(content, id) in self.contents().keys() {
             let (kind, is_known) = match content {
                 Content::Camera => (EntityKind::Camera, self.cameras().contains_key(&id)),

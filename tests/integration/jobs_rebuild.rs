@@ -94,7 +94,8 @@ fn a_map_with_depth_whose_poses_are_all_wrong_is_rebuilt() {
         let server = TestServer::start().await;
         let jobs = Jobs::of(&server);
         lost_map(&server, |_| true, true).await;
-        let blind_before = positions(&server.watched("room").await).pop().unwrap();
+        let before = server.watched("room").await;
+        let blind_before = positions(&before).pop().unwrap();
         jobs.create("night", rebuild("room")).await.unwrap();
         let job = jobs.success("night").await;
         let result = result(&job);
@@ -110,6 +111,9 @@ fn a_map_with_depth_whose_poses_are_all_wrong_is_rebuilt() {
 
         let map = server.watched("room").await;
         assert_eq!(positions(&map).pop().unwrap(), blind_before, "it keeps its pose");
+        let first = |map: &v1::MapDelta| map.keyframes[0].world_from_camera.clone();
+        assert_eq!(first(&map), first(&before), "the gauge holds the first keyframe");
+        assert_eq!(result.summary.unwrap().gauge(), v1::Gauge::FirstKeyframeFixed);
         let truth = (0..KEYFRAMES).map(|id| v1::KeyframePose {
             capture_time: keyframe(id).capture_time,
             world_from_camera: Some(shift(keyframe_position(id))),

@@ -6,12 +6,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use covis::map::{
     AppliedSolve, Change, ClientIndex, ConstraintKind, Edit, EntityId, EntityRef, Gauge,
-    GlobalOptions, Item, Map, MapError, MapPolicy, MapProblem, SolveKind, Solved, WhenFull,
-    applied, choose_window, global_problem, local_problem, observation_problem, retire,
+    GlobalOptions, Item, Link, Map, MapError, MapPolicy, MapProblem, SolveKind, Solved,
+    SwitchedOff, WhenFull, applied, choose_window, global_problem, local_problem,
+    observation_problem, retire,
 };
 use covis_solvers::bundle_adjustment;
-use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::graph_optimization;
+use covis_solvers::information::Information;
 use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::ignore_iterations;
@@ -131,7 +133,7 @@ fn the_first_keyframe_stays_to_the_bit_in_every_solve_and_after_each_change() {
             }
         }),
         ("a closure is switched off", &|journal| {
-            let off = covis::map::SwitchedOff { chi2: 99.0, weight: 0.0, is_provisional: false };
+            let off = SwitchedOff { chi2: 99.0, weight: 0.0, is_provisional: false };
             let solve = solve_of(SolveKind::PoseGraph);
             let solve = AppliedSolve { switched_off: vec![(id(0), off)], ..solve };
             journal.push(Change::SolveApplied { solve });
@@ -140,11 +142,11 @@ fn the_first_keyframe_stays_to_the_bit_in_every_solve_and_after_each_change() {
             let source = street(5, MapPolicy::default()).map;
             let names = BTreeMap::from([("robot".to_owned(), "other".to_owned())]);
             let at = pose_at(0.05);
-            let link = covis::map::Link {
+            let link = Link {
                 target: id(1),
                 source: id(1),
                 target_from_source: pose_at(0.0),
-                information: covis_solvers::information::Information::identity(),
+                information: Information::identity(),
             };
             let merge = journal.map.merge_of(("floor", &source), at, &names, &[link]).unwrap();
             journal.push(Change::MapMerged { merge: Box::new(merge) });
@@ -302,6 +304,45 @@ fn each_piece_holds_its_first_keyframe_until_something_ties_it_to_another_one() 
     journal.send(ROBOT, &closure).unwrap();
     assert_eq!(journal.map.held_keyframes(Gauge::default()), [id(0)]);
     every_solve(&mut journal, "both pieces", id(0));
+}
+
+#[test]
+fn a_map_that_is_taken_out_again_has_its_first_keyframe_where_it_was() {
+    for scale in [1.0, 0.5] {
+        let mut target = street(4, MapPolicy::default());
+        let source = street(5, MapPolicy::default()).map;
+        let put = bits(&source, id(0));
+        let names = BTreeMap::from([("robot".to_owned(), "other".to_owned())]);
+        let at = Se3::exp(&Vector6::new(0.3, -0.2, 0.1, 0.2, 0.1, -0.3));
+        let merge = target.map.merge_of(
+            ("floor", &source),
+            Sim3 { scale, ..at.into() },
+            &names,
+            &[Link {
+                target: id(1),
+                source: id(2),
+                target_from_source: pose_at(0.0),
+                information: Information::identity(),
+            }],
+        );
+        target.push(Change::MapMerged { merge: Box::new(merge.unwrap()) });
+        let first = target.map.merged()[0].first.unwrap().0;
+        let before = bits(&target.map, first);
+        graph(&mut target, Gauge::default());
+        assert_ne!(bits(&target.map, first), before, "the closure moves it in the target");
+        let shape = |map: &Map, [a, b]: [EntityId; 2]| {
+            let pose = |id: EntityId| map.keyframes().get(&id).unwrap().world_from_camera;
+            pose(a).inverse().compose(&pose(b))
+        };
+        let there = shape(&target.map, [first, EntityId { id: 3, ..first }]);
+        let out = target.map.taken_out("floor").unwrap().unwrap();
+        out.check_sound().unwrap();
+        assert_eq!(bits(&out, id(0)), put);
+        let there = Se3::new(there.rotation, there.translation / scale);
+        assert!(shape(&out, [id(0), id(3)]).minus(&there).norm() < 1e-12);
+        let replayed = Map::replay(target.events.iter()).unwrap();
+        assert_eq!(replayed.merged(), target.map.merged());
+    }
 }
 
 #[test]

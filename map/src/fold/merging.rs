@@ -81,6 +81,7 @@ impl Map {
             policy: *content.policy(),
             target_from_source: merge.target_from_source,
             clients: merge.clients.clone(),
+            first: merge.first,
         });
     }
 

@@ -15,6 +15,7 @@ use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::information::Information;
 
 use super::frames;
+use super::scaling;
 use super::{
     Client, ClientIndex, Constraint, Content, Duplicates, EntityId, Map, MapError, MapPolicy,
     SharedMap,
@@ -39,6 +40,9 @@ pub struct MergedMap {
     pub target_from_source: Sim3,
     /// The clients that came with it.
     pub clients: Vec<MergedClient>,
+    /// The keyframe that the gauge of the map held, where it has no priors: its id in this map, and its
+    /// `world_from_camera` in the map's own frame and unit before the merge.
+    pub first: Option<(EntityId, Se3)>,
 }
 
 /// A client that came with a merged map.
@@ -63,6 +67,9 @@ pub struct Merge {
     pub clients: Vec<MergedClient>,
     /// Loop closures between both, with ids of the target.
     pub closures: Vec<(EntityId, Constraint)>,
+    /// The keyframe that the gauge of the map held, where it has no priors: its id in the target, and its
+    /// `world_from_camera` in the map's own frame and unit before the merge.
+    pub first: Option<(EntityId, Se3)>,
 }
 
 /// A relative pose between a keyframe of the target and one of the source.
@@ -185,8 +192,13 @@ impl Map {
         let clients: Vec<MergedClient> = clients.into_iter().map(|(client, _)| client).collect();
         let positions: Vec<ClientIndex> = clients.iter().map(|client| client.index).collect();
         let mut closures = Vec::new();
+        let renaming = Renaming::of_clients(&positions);
+        let held = source.held_keyframes(source.policy().gauge).into_iter().next();
+        let first = held.filter(|_| source.priors().is_empty()).and_then(|id| {
+            Some((renaming.entity(id), source.keyframes().get(&id)?.world_from_camera))
+        });
         for link in links {
-            let source = Renaming::of_clients(&positions).entity(link.source);
+            let source = renaming.entity(link.source);
             let id = EntityId::own(source.client, self.revision() + 1, closures.len());
             let closure = link.closure(source);
             if !closure.keyframe_i_from_keyframe_j.is_finite() {
@@ -194,7 +206,7 @@ impl Map {
             }
             closures.push((id, closure));
         }
-        Ok(Merge { name: name.to_owned(), content, target_from_source, clients, closures })
+        Ok(Merge { name: name.to_owned(), content, target_from_source, clients, closures, first })
     }
 
     /// Where each client of `source` would stand in this map, and its name here.
@@ -256,8 +268,8 @@ impl Map {
     }
 
     /// The map that was merged as `name`, as it is taken out again: its clients with all that is theirs,
-    /// in the frame that it had. Observations of landmarks that stay here are left out, and constraints
-    /// between what goes and what stays.
+    /// in the frame that it had, in which the keyframe that its gauge held is where it was. Observations of
+    /// landmarks that stay here are left out, and constraints between what goes and what stays.
     ///
     /// # Errors
     /// [`MergeError::OutOfRange`], and [`MergeError::Content`], a bug.
@@ -336,6 +348,10 @@ impl Map {
         let mut positions = vec![ClientIndex(0); self.clients().len()];
         going.iter().for_each(|(old, &new)| positions[old.0 as usize] = ClientIndex(new));
         let renaming = Renaming::new(&parts, &positions);
+        let first = merged.first.filter(|_| parts.priors.is_empty());
+        let first = first.and_then(|(id, was)| {
+            Some((renaming.entity(id), was, parts.keyframes.get(&id)?.world_from_camera))
+        });
         let mut parts = renaming.apply(parts);
         let clients = merged.clients.iter().filter_map(|client| {
             let known = parts.clients.get(client.index.0 as usize)?;
@@ -346,12 +362,23 @@ impl Map {
             Some(left)
         });
         parts.clients = clients.collect();
-        let source_from_target = merged.target_from_source.inverse();
+        let mut source_from_target = merged.target_from_source.inverse();
+        if let Some((_, was, is)) = first {
+            // Solves may have moved it since the merge.
+            let scale = source_from_target.scale;
+            let motion = was.compose(&scaling::pose(scale, &is).inverse());
+            source_from_target = Sim3 { scale, ..motion.into() };
+        }
         for inner in &mut parts.merged {
             inner.target_from_source = source_from_target.compose(&inner.target_from_source);
         }
         let keeps_priors = has_anchor(self.policy(), &merged.policy);
         move_by(&source_from_target, &mut parts, keeps_priors)?;
+        if let Some((id, was, _)) = first
+            && let Some(keyframe) = parts.keyframes.get_mut(&id)
+        {
+            keyframe.world_from_camera = was;
+        }
         for client in &mut parts.clients {
             // By division, so that a scale that was 1 is 1 again.
             client.scale /= merged.target_from_source.scale;

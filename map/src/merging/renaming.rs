@@ -135,9 +135,11 @@ impl<'a> Renaming<'a> {
                 client.pending_solve.take().map(|pending| self.pending_solve(pending));
         }
         let mut merged = parts.merged;
-        for client in merged.iter_mut().flat_map(|map: &mut MergedMap| &mut map.clients) {
-            let MergedClient { index, name: _ } = client;
-            *index = self.client(*index);
+        for MergedMap { clients, first, .. } in &mut merged {
+            for MergedClient { index, name: _ } in clients {
+                *index = self.client(*index);
+            }
+            *first = first.map(|(id, pose)| (self.entity(id), pose));
         }
         let content = |(kind, id)| match kind {
             Content::Camera | Content::Keyframe => (kind, self.entity(id)),

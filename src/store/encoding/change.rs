@@ -4,10 +4,10 @@
 
 use super::entities::{
     decode_camera_set, decode_constraint, decode_descriptor, decode_id, decode_ids, decode_kind,
-    decode_observations, decode_point, decode_policy, decode_pose, decode_prior, decode_scale,
-    decode_similarity, decode_switched_off, encode_camera_set, encode_constraint,
-    encode_descriptor, encode_id, encode_ids, encode_observations, encode_point, encode_policy,
-    encode_pose, encode_prior, encode_scale, encode_switched_off, required_id,
+    decode_new_pose, decode_observations, decode_point, decode_policy, decode_pose, decode_prior,
+    decode_scale, decode_similarity, decode_switched_off, encode_camera_set, encode_constraint,
+    encode_descriptor, encode_id, encode_ids, encode_new_pose, encode_observations, encode_point,
+    encode_policy, encode_pose, encode_prior, encode_scale, encode_switched_off, required_id,
 };
 use super::merging::{decode_merge, encode_merge};
 use super::places::{decode_search, encode_search};
@@ -324,10 +324,6 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         client: client.0,
         map_from_odom: Some(encode_pose(frame)),
     };
-    let pose = |(id, pose): &(EntityId, _)| v1::NewPose {
-        id: Some(encode_id(*id)),
-        world_from_camera: Some(encode_pose(pose)),
-    };
     let camera = |&(id, camera): &(EntityId, _)| {
         let entity = crate::map::CameraEntity { camera, width_px: 0, height_px: 0 };
         encode_camera_set(id, &entity)
@@ -336,7 +332,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         |&(client, sequence): &(ClientIndex, i64)| v1::Covered { client: client.0, sequence };
     v1::SolveApplied {
         kind: *kind as u32 + 1,
-        poses: poses.iter().map(pose).collect(),
+        poses: poses.iter().map(encode_new_pose).collect(),
         landmarks: encode_positions(landmarks),
         cameras: cameras.iter().map(camera).collect(),
         covered: covered.iter().map(covered_by).collect(),
@@ -358,9 +354,6 @@ pub(super) fn decode_request(id: &[u8]) -> Decoded<RequestId> {
 fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
     let kinds = [SolveKind::LocalBundle, SolveKind::PoseGraph, SolveKind::Global];
     let kind = decode_kind(&kinds, solve.kind, "a solve's kind")?;
-    let pose = |v1::NewPose { id, world_from_camera }| {
-        Ok((required_id(id, "a keyframe")?, decode_pose(world_from_camera, "a new pose")?))
-    };
     let camera = |set| decode_camera_set(set).map(|(id, entity)| (id, entity.camera));
     let left_frame = |v1::LeftFrame { client, map_from_odom }| {
         Ok((ClientIndex(client), decode_pose(map_from_odom, "a frame")?))
@@ -368,7 +361,7 @@ fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
     let covered = |v1::Covered { client, sequence }| (ClientIndex(client), sequence);
     Ok(AppliedSolve {
         kind,
-        poses: solve.poses.into_iter().map(pose).collect::<Decoded<_>>()?,
+        poses: solve.poses.into_iter().map(decode_new_pose).collect::<Decoded<_>>()?,
         landmarks: decode_positions(solve.landmarks)?,
         cameras: solve.cameras.into_iter().map(camera).collect::<Decoded<_>>()?,
         switched_off: solve

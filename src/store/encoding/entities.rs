@@ -71,6 +71,16 @@ pub(super) fn encode_pose(pose: &Se3) -> v1::Pose {
     }
 }
 
+/// A pose of a keyframe.
+pub(super) fn encode_new_pose((id, pose): &(EntityId, Se3)) -> v1::NewPose {
+    v1::NewPose { id: Some(encode_id(*id)), world_from_camera: Some(encode_pose(pose)) }
+}
+
+pub(super) fn decode_new_pose(pose: v1::NewPose) -> Decoded<(EntityId, Se3)> {
+    let id = required_id(pose.id, "a keyframe")?;
+    Ok((id, decode_pose(pose.world_from_camera, "a new pose")?))
+}
+
 pub(super) fn decode_pose(pose: Option<v1::Pose>, name: &'static str) -> Decoded<Se3> {
     let v1::Pose { qx, qy, qz, qw, tx, ty, tz } = required(pose, name)?;
     let [x, y, z, w] = [qx, qy, qz, qw].map(f64::from_bits);

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use super::entities::{
-    decode_constraint, decode_policy, decode_similarity, encode_constraint, encode_policy,
-    encode_pose, encode_scale,
+    decode_constraint, decode_new_pose, decode_policy, decode_similarity, encode_constraint,
+    encode_new_pose, encode_policy, encode_pose, encode_scale,
 };
 use super::joined::PartsReader;
 use super::snapshot::Parts;
@@ -13,7 +13,7 @@ use super::{EncodingError, v1};
 use crate::map::{ClientIndex, Merge, MergedClient, MergedMap};
 
 pub(super) fn encode_merge(merge: &Merge) -> v1::MapMerged {
-    let Merge { name, content, target_from_source, clients, closures } = merge;
+    let Merge { name, content, target_from_source, clients, closures, first } = merge;
     let mut parts = Parts::default();
     v1::MapMerged {
         name: name.clone(),
@@ -22,11 +22,12 @@ pub(super) fn encode_merge(merge: &Merge) -> v1::MapMerged {
         scale: encode_scale(target_from_source.scale),
         clients: clients.iter().map(encode_client).collect(),
         closures: closures.iter().map(|(id, closure)| encode_constraint(*id, closure)).collect(),
+        first: first.as_ref().map(encode_new_pose),
     }
 }
 
 pub(super) fn decode_merge(merge: v1::MapMerged) -> Result<Merge, EncodingError> {
-    let v1::MapMerged { name, parts, target_from_source, clients, closures, scale } = merge;
+    let v1::MapMerged { name, parts, target_from_source, clients, closures, scale, first } = merge;
     let mut content = PartsReader::default();
     for part in parts {
         content.add(&part, false)?;
@@ -37,6 +38,7 @@ pub(super) fn decode_merge(merge: v1::MapMerged) -> Result<Merge, EncodingError>
         target_from_source: decode_similarity(target_from_source, scale, "target_from_source")?,
         clients: clients.into_iter().map(decode_client).collect(),
         closures: closures.into_iter().map(decode_constraint).collect::<Result<_, _>>()?,
+        first: first.map(decode_new_pose).transpose()?,
     })
 }
 
@@ -49,6 +51,7 @@ pub(super) fn encode_merged(merged: &MergedMap) -> v1::MergedMap {
         policy,
         target_from_source,
         clients,
+        first,
     } = merged;
     v1::MergedMap {
         name: name.clone(),
@@ -59,6 +62,7 @@ pub(super) fn encode_merged(merged: &MergedMap) -> v1::MergedMap {
         target_from_source: Some(encode_pose(&target_from_source.rigid())),
         scale: encode_scale(target_from_source.scale),
         clients: clients.iter().map(encode_client).collect(),
+        first: first.as_ref().map(encode_new_pose),
     }
 }
 
@@ -75,6 +79,7 @@ pub(super) fn decode_merged(merged: v1::MergedMap) -> Result<MergedMap, Encoding
             "target_from_source",
         )?,
         clients: merged.clients.into_iter().map(decode_client).collect(),
+        first: merged.first.map(decode_new_pose).transpose()?,
     })
 }
 

@@ -893,6 +893,8 @@ pub struct MapMerged {
     pub closures: ::prost::alloc::vec::Vec<Constraint>,
     #[prost(fixed64, optional, tag = "6")]
     pub scale: ::core::option::Option<u64>,
+    #[prost(message, optional, tag = "7")]
+    pub first: ::core::option::Option<NewPose>,
 }
 impl ::prost::Name for MapMerged {
     const NAME: &'static str = "MapMerged";
@@ -1231,6 +1233,8 @@ pub struct MergedMap {
     pub clients: ::prost::alloc::vec::Vec<MergedClient>,
     #[prost(fixed64, optional, tag = "8")]
     pub scale: ::core::option::Option<u64>,
+    #[prost(message, optional, tag = "9")]
+    pub first: ::core::option::Option<NewPose>,
 }
 impl ::prost::Name for MergedMap {
     const NAME: &'static str = "MergedMap";
