@@ -91,7 +91,12 @@ pub(super) fn information<const N: usize>(
         // The factors first: a product of three would not be symmetric to the bit.
         matrix[(i, j)] * (by(i) * by(j))
     });
-    Information::semidefinite(&scaled).ok()
+    match Information::new(&scaled) {
+        Ok(scaled) => Some(scaled),
+        // It knew nothing in some direction before. One that knew something has underflowed.
+        Err(_) if Information::new(matrix).is_err() => Information::semidefinite(&scaled).ok(),
+        Err(_) => None,
+    }
 }
 
 /// A measurement in the world. `None` where numbers overflow.

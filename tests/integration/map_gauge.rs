@@ -152,7 +152,7 @@ fn the_first_keyframe_stays_to_the_bit_in_every_solve_and_after_each_change() {
             journal.push(Change::MapMerged { merge: Box::new(merge) });
         }),
         ("the merge is undone", &|journal| {
-            journal.push(Change::MapTakenOut { name: "floor".to_owned() });
+            journal.push(Change::MapTakenOut { name: "floor".to_owned(), clients_leave: true });
         }),
         ("another keyframe is removed", &|journal| {
             let keyframe = EntityRef::own(2);
