@@ -101,8 +101,8 @@ impl Kernels {
     pub(super) fn of(problem: &BundleProblem, layout: &Layout) -> Self {
         let all = |is: fn(&Camera) -> bool| problem.cameras.iter().all(is);
         let depth = !problem.depth_reprojections.is_empty();
-        let known = layout.camera_parameters == 0;
-        let model = if all(|c| matches!(c, Camera::Snavely(_))) {
+        let known = layout.camera_unknowns == 0;
+        let model = if !layout.is_restricted && all(|c| matches!(c, Camera::Snavely(_))) {
             Model::Snavely
         } else if known && all(|c| matches!(c, Camera::Pinhole(_))) {
             Model::Pinhole
@@ -112,7 +112,7 @@ impl Kernels {
         match (known, depth) {
             (true, false) => Self::sized::<6, 1, 0, 2>(model),
             (true, true) => Self::sized::<6, 1, 0, 3>(model),
-            (false, false) if model == Model::Snavely => Self::sized::<9, 1, 1, 2>(model),
+            (false, false) if layout.camera_unknowns <= 3 => Self::sized::<9, 1, 1, 2>(model),
             (false, false) => Self::sized::<15, 2, 0, 2>(model),
             (false, true) => Self::sized::<15, 2, 0, 3>(model),
         }

@@ -1,8 +1,8 @@
 //! Index work, done once a solve: views, blocks of the reduced system, the order of observations.
 //!
 //! A *view* is a pair (pose, camera) that occurs in an observation; its Jacobian has the columns
-//! [pose 6 | camera]. A *block* is a diagonal block of the reduced system: a pose, a pose together
-//! with the one camera that only it uses, or a camera that several poses share.
+//! [pose 6 | unknowns of the camera]. A *block* is a diagonal block of the reduced system: a pose, a pose
+//! together with the one camera that only it uses, or a camera that several poses share.
 //! Nothing here looks at values other than flags; the order itself is made in `sorted`.
 
 use std::ops::Range;
@@ -41,7 +41,7 @@ pub(super) struct Blocks {
     pub(super) sizes: Vec<usize>,
     /// Block that starts with pose i's six unknowns, or [`NO_BLOCK`].
     pub(super) of_pose: Vec<u32>,
-    /// Block and first column in it of camera i's parameters, or [`NO_BLOCK`].
+    /// Block and first column in it of camera i's unknowns, or [`NO_BLOCK`].
     pub(super) of_camera: Vec<(u32, usize)>,
 }
 
@@ -75,7 +75,7 @@ impl Blocks {
         }
         for &(pose, camera) in views {
             let (pose, camera) = (pose as usize, camera as usize);
-            let free = !problem.constant_poses[pose] && !problem.constant_cameras[camera];
+            let free = !problem.constant_poses[pose] && problem.camera_unknowns(camera) > 0;
             if free && !shared[camera] && merged[pose].is_none() {
                 merged[pose] = Some(camera);
             }
@@ -89,15 +89,16 @@ impl Blocks {
             let mut size = 6;
             if let Some(camera) = merged[pose] {
                 blocks.of_camera[camera] = (block, 6);
-                size += problem.cameras[camera].parameter_count();
+                size += problem.camera_unknowns(camera);
             }
             blocks.sizes.push(size);
         }
         for camera in 0..problem.cameras.len() {
-            let is_free = !problem.constant_cameras[camera] && user[camera].is_some();
+            let unknowns = problem.camera_unknowns(camera);
+            let is_free = unknowns > 0 && user[camera].is_some();
             if is_free && blocks.of_camera[camera].0 == NO_BLOCK {
                 blocks.of_camera[camera] = (blocks.sizes.len() as u32, 0);
-                blocks.sizes.push(problem.cameras[camera].parameter_count());
+                blocks.sizes.push(unknowns);
             }
         }
         blocks
@@ -116,12 +117,14 @@ pub(super) struct Layout {
     pub(super) block_sizes: Vec<usize>,
     /// Block that starts with pose i's six unknowns, or [`NO_BLOCK`].
     pub(super) pose_block: Vec<u32>,
-    /// Block and first column in it of camera i's parameters, or [`NO_BLOCK`].
+    /// Block and first column in it of camera i's unknowns, or [`NO_BLOCK`].
     pub(super) camera_block: Vec<(u32, usize)>,
     /// Observations and landmarks in the order of the kernels.
     pub(super) sorted: Sorted,
-    /// The most free parameters a camera has.
-    pub(super) camera_parameters: usize,
+    /// The most unknowns that a camera has.
+    pub(super) camera_unknowns: usize,
+    /// Whether a camera has fewer unknowns than parameters.
+    pub(super) is_restricted: bool,
 }
 
 impl Layout {
@@ -138,12 +141,17 @@ impl Layout {
     pub(super) fn with_apart(problem: &BundleProblem, is_apart: &[bool]) -> Self {
         let (views, view_of) = number_views(problem);
         let blocks = Blocks::new(problem, &views, is_apart);
-        let free = blocks.of_camera.iter().zip(&problem.cameras).filter(|(b, _)| b.0 != NO_BLOCK);
+        let mut free: Vec<usize> = (0..problem.cameras.len()).collect();
+        free.retain(|&camera| blocks.of_camera[camera].0 != NO_BLOCK);
+        let unknowns = |camera: &usize| problem.camera_unknowns(*camera);
         let mut layout = Self {
             views: Vec::new(),
             view_cameras: views.iter().map(|&(_, camera)| camera).collect(),
             active: Vec::new(),
-            camera_parameters: free.map(|(_, c)| c.parameter_count()).max().unwrap_or(0),
+            camera_unknowns: free.iter().map(unknowns).max().unwrap_or(0),
+            is_restricted: free
+                .iter()
+                .any(|camera| unknowns(camera) < problem.cameras[*camera].parameter_count()),
             sorted: Sorted::new(problem, &view_of, views.len()),
             block_sizes: blocks.sizes,
             pose_block: blocks.of_pose,
@@ -157,15 +165,15 @@ impl Layout {
     fn view(&self, problem: &BundleProblem, pose: u32, camera: u32) -> View {
         let pose_block = self.pose_block[pose as usize];
         let (camera_block, _) = self.camera_block[camera as usize];
-        let parameters = problem.cameras[camera as usize].parameter_count();
+        let unknowns = problem.camera_unknowns(camera as usize);
         let mut parts = Vec::new();
         if pose_block != NO_BLOCK {
             let merged = pose_block == camera_block;
-            let size = if merged { 6 + parameters } else { 6 };
+            let size = if merged { 6 + unknowns } else { 6 };
             parts.push(Part { block: pose_block, column: 0, size });
         }
         if camera_block != NO_BLOCK && camera_block != pose_block {
-            parts.push(Part { block: camera_block, column: 6, size: parameters });
+            parts.push(Part { block: camera_block, column: 6, size: unknowns });
         }
         View { pose, camera, parts }
     }

@@ -6,7 +6,7 @@
 //! are neighbors in the sorted order, whatever they see.
 
 use super::sorted::{GROUPS, Sorted};
-use crate::geometry::{Camera, Se3};
+use crate::geometry::{Camera, FreeParameters, Se3};
 use crate::lanes::models::{
     AnyLanes, LaneModel, LanePoints, PARAMETERS, PinholeLanes, SnavelyLanes,
 };
@@ -38,7 +38,7 @@ pub(super) fn view_record(pose: &Se3, camera: &Camera) -> ViewRecord {
 /// Which formulas project the observations of a problem.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Model {
-    /// Every camera is [`Camera::Snavely`].
+    /// Every camera is [`Camera::Snavely`], with all parameters free or all cameras constant.
     Snavely,
     /// Every camera is [`Camera::Pinhole`] and known.
     Pinhole,
@@ -52,6 +52,8 @@ pub(super) struct Inputs<'a> {
     pub(super) sorted: &'a Sorted,
     pub(super) records: &'a [ViewRecord],
     pub(super) cameras: &'a [Camera],
+    /// As those of the problem.
+    pub(super) free_parameters: &'a [FreeParameters],
     /// Four numbers a landmark, in sorted order: x, y, z and one that is not read; padded by four.
     pub(super) points: &'a [f64],
     pub(super) loss: Loss,
@@ -65,13 +67,14 @@ pub(super) struct Inputs<'a> {
 impl<'a> Inputs<'a> {
     #[inline(always)]
     fn any(&self) -> AnyLanes<'a> {
-        AnyLanes { view_cameras: self.view_cameras }
+        let Self { view_cameras, free_parameters, .. } = *self;
+        AnyLanes { view_cameras, free_parameters }
     }
 
     /// Runs a kernel that linearizes, by code of its own for the problem's cameras where there is one.
     pub(super) fn run<K: LinearizingKernel>(&self, class: Class, kernel: K) -> K::Output {
         let is_special = match self.model {
-            // Snavely's cameras alone have three unknowns.
+            // Their three unknowns are three columns.
             Model::Snavely => K::COLUMNS == 9 || (K::COLUMNS == 6 && K::ROWS == 2),
             Model::Pinhole => K::COLUMNS == 6,
             Model::Any => false,
@@ -122,7 +125,7 @@ pub(super) struct Linearized<L: Lanes, const R: usize> {
     pub(super) residual: [L::V; R],
     /// ∂r/∂(t, φ).
     pub(super) pose: [[L::V; 6]; R],
-    /// ∂r/∂ camera parameters.
+    /// ∂r/∂ unknowns of the camera.
     pub(super) camera: [[L::V; PARAMETERS]; R],
     /// ∂r/∂X.
     pub(super) landmark: [[L::V; 3]; R],
@@ -403,7 +406,7 @@ impl<L: Lanes, M: LaneModel, P: PointIndex, const R: usize> Subroutine<L>
             }
             if r < 2 {
                 for c in 0..PARAMETERS {
-                    out.camera[r][c] = l.mul(projection.d_parameters[r][c], weight);
+                    out.camera[r][c] = l.mul(projection.d_unknowns[r][c], weight);
                 }
             }
         }

@@ -83,6 +83,7 @@ impl<'a> Variables<'a> {
             sorted: &self.layout.sorted,
             records: &self.records,
             cameras: &self.problem.cameras,
+            free_parameters: &self.problem.free_parameters,
             points: &self.points,
             loss: self.problem.observation_loss,
             stiffness: self.stiffness,
@@ -115,11 +116,12 @@ impl<'a> Variables<'a> {
                 *pose = pose.plus(&SVector::from_fn(|i, _| length * step[i]));
             }
         }
-        for (camera, &(block, column)) in problem.cameras.iter_mut().zip(&layout.camera_block) {
+        for (camera, &(block, column)) in layout.camera_block.iter().enumerate() {
             if block != NO_BLOCK {
-                let step = &by.step[by.offsets[block as usize] + column..];
-                let step = step[..camera.parameter_count()].iter().map(|x| length * x);
-                camera.plus_parameters(&step.collect::<Vec<f64>>());
+                let first = by.offsets[block as usize] + column;
+                let step = &by.step[first..first + problem.camera_unknowns(camera)];
+                let step = problem.free_parameters_of(camera).of_parameters(step);
+                problem.cameras[camera].plus_parameters(&step.map(|x| length * x));
             }
         }
         for (x, delta) in self.points.iter_mut().zip(by.points) {

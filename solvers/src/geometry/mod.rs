@@ -18,7 +18,8 @@ mod so2;
 mod so3;
 
 pub use camera::{
-    Camera, CameraModel, KannalaBrandt, ParameterVec, PinholeRadialTangential, Projection, Snavely,
+    Camera, CameraModel, FreeParameters, KannalaBrandt, ParameterKind, ParameterVec,
+    PinholeRadialTangential, Projection, Snavely,
 };
 pub use coefficients::hat;
 pub use geodetic::{Geodetic, LocalFrame};

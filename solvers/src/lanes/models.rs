@@ -3,7 +3,7 @@
 //! Snavely's and the pinhole model are written out; every other model, and mixtures, go through the
 //! geometry floor lane by lane. Points behind the camera project like any other, as in that floor.
 
-use crate::geometry::Camera;
+use crate::geometry::{Camera, FreeParameters};
 use crate::simd::{Lanes, Row, Scalar, WIDTH};
 
 /// Most parameters of a camera model.
@@ -13,7 +13,8 @@ pub(crate) const PARAMETERS: usize = 9;
 pub(crate) struct LaneProjection<L: Lanes> {
     pub(crate) pixel: [L::V; 2],
     pub(crate) d_point: [[L::V; 3]; 2],
-    pub(crate) d_parameters: [[L::V; PARAMETERS]; 2],
+    /// By the unknowns of the cameras; zeros after the last.
+    pub(crate) d_unknowns: [[L::V; PARAMETERS]; 2],
 }
 
 /// Eight points and the cameras that see them.
@@ -75,8 +76,8 @@ impl LaneModel for SnavelyLanes {
         let uu = l.fma(slope_x, x, scale);
         let uv = l.mul(slope_x, y);
         let vv = l.fma(slope_y, y, scale);
-        let mut d_parameters = [[zero; PARAMETERS]; 2];
-        for (row, along) in d_parameters.iter_mut().zip([x, y]) {
+        let mut d_unknowns = [[zero; PARAMETERS]; 2];
+        for (row, along) in d_unknowns.iter_mut().zip([x, y]) {
             row[0] = l.mul(radial, along);
             row[1] = l.mul(l.mul(f, n), along);
             row[2] = l.mul(l.mul(l.mul(f, n), n), along);
@@ -87,7 +88,7 @@ impl LaneModel for SnavelyLanes {
                 through_division(l, [uu, uv], [x, y], inverse_depth),
                 through_division(l, [uv, vv], [x, y], inverse_depth),
             ],
-            d_parameters,
+            d_unknowns,
         }
     }
 }
@@ -128,7 +129,7 @@ impl LaneModel for PinholeLanes {
                 through_division(l, [l.mul(fx, uu), l.mul(fx, cross)], [x, y], inverse_depth),
                 through_division(l, [l.mul(fy, cross), l.mul(fy, vv)], [x, y], inverse_depth),
             ],
-            d_parameters: [[zero; PARAMETERS]; 2],
+            d_unknowns: [[zero; PARAMETERS]; 2],
         }
     }
 }
@@ -149,15 +150,18 @@ impl LaneModel for UndistortedLanes {
         LaneProjection {
             pixel: [l.fma(fx, x, cx), l.fma(fy, y, cy)],
             d_point: [[du, zero, l.fnma(du, x, zero)], [zero, dv, l.fnma(dv, y, zero)]],
-            d_parameters: [[zero; PARAMETERS]; 2],
+            d_unknowns: [[zero; PARAMETERS]; 2],
         }
     }
 }
 
-/// Any camera in any lane, through the geometry floor. `view_cameras[v]` is the camera of view v.
+/// Any camera in any lane, through the geometry floor.
 #[derive(Clone, Copy)]
 pub(crate) struct AnyLanes<'a> {
+    /// The camera of each view.
     pub(crate) view_cameras: &'a [u32],
+    /// Of each camera, or empty where every parameter is free.
+    pub(crate) free_parameters: &'a [FreeParameters],
 }
 
 impl LaneModel for AnyLanes<'_> {
@@ -170,20 +174,20 @@ impl LaneModel for AnyLanes<'_> {
             l.store(*v, row);
         }
         let out = self.each(points.cameras, points.views, &point);
-        let mut d_parameters = [[l.splat(0.0); PARAMETERS]; 2];
+        let mut d_unknowns = [[l.splat(0.0); PARAMETERS]; 2];
         let mut d_point = [[l.splat(0.0); 3]; 2];
         for r in 0..2 {
             for c in 0..3 {
                 d_point[r][c] = l.load(&out.d_point[r][c]);
             }
             for c in 0..PARAMETERS {
-                d_parameters[r][c] = l.load(&out.d_parameters[r][c]);
+                d_unknowns[r][c] = l.load(&out.d_unknowns[r][c]);
             }
         }
         LaneProjection {
             pixel: [l.load(&out.pixel[0]), l.load(&out.pixel[1])],
             d_point,
-            d_parameters,
+            d_unknowns,
         }
     }
 }
@@ -200,19 +204,24 @@ impl AnyLanes<'_> {
         let mut out = LaneProjection::<Scalar> {
             pixel: [[f64::NAN; WIDTH]; 2],
             d_point: [[[0.0; WIDTH]; 3]; 2],
-            d_parameters: [[[0.0; WIDTH]; PARAMETERS]; 2],
+            d_unknowns: [[[0.0; WIDTH]; PARAMETERS]; 2],
         };
         for lane in 0..WIDTH {
-            let camera = &cameras[self.view_cameras[views[lane] as usize] as usize];
+            let index = self.view_cameras[views[lane] as usize] as usize;
+            let camera = &cameras[index];
             let point = nalgebra::Vector3::new(points[0][lane], points[1][lane], points[2][lane]);
             let Some(projection) = camera.project_with_jacobians(&point) else { continue };
+            let d_unknowns = match self.free_parameters.get(index) {
+                Some(free) => free.of_unknowns(&projection.d_parameters),
+                None => projection.d_parameters,
+            };
             for r in 0..2 {
                 out.pixel[r][lane] = projection.pixel[r];
                 for c in 0..3 {
                     out.d_point[r][c][lane] = projection.d_point[(r, c)];
                 }
                 for c in 0..PARAMETERS {
-                    out.d_parameters[r][c][lane] = projection.d_parameters[(r, c)];
+                    out.d_unknowns[r][c][lane] = d_unknowns[(r, c)];
                 }
             }
         }

@@ -129,7 +129,9 @@ impl<W: ViewWork> Kernel for OnView<'_, W> {
             Camera::Pinhole(c) if c.is_undistorted() => work.run(l, &view, UndistortedLanes),
             Camera::Pinhole(_) => work.run(l, &view, PinholeLanes),
             Camera::Snavely(_) => work.run(l, &view, SnavelyLanes),
-            Camera::Fisheye(_) => work.run(l, &view, AnyLanes { view_cameras: &[0] }),
+            Camera::Fisheye(_) => {
+                work.run(l, &view, AnyLanes { view_cameras: &[0], free_parameters: &[] })
+            }
         }
     }
 }

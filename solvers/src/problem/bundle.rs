@@ -11,7 +11,7 @@ use super::pose_factors::{check_priors, check_relative_poses};
 use crate::factors::{
     DepthReprojectionBatch, PosePrior, PositionPrior, RelativePose, Reprojection, ReprojectionBatch,
 };
-use crate::geometry::{Camera, LieGroup, Se3};
+use crate::geometry::{Camera, FreeParameters, LieGroup, Se3};
 use crate::loss::Loss;
 
 /// Variables and factors of a bundle adjustment. Every `constant_*` has one flag a variable.
@@ -27,6 +27,9 @@ pub struct BundleProblem {
     pub constant_poses: Vec<bool>,
     /// Cameras whose parameters stay as they are.
     pub constant_cameras: Vec<bool>,
+    /// Which parameters of the other cameras are free: one entry a camera, or none at all where every
+    /// parameter is free.
+    pub free_parameters: Vec<FreeParameters>,
     /// Landmarks that stay where they are.
     pub constant_landmarks: Vec<bool>,
     /// Observations (u, v).
@@ -70,7 +73,39 @@ impl BundleProblem {
     pub fn push_camera(&mut self, camera: Camera, constant: bool) -> usize {
         self.cameras.push(camera);
         self.constant_cameras.push(constant);
+        if !self.free_parameters.is_empty() {
+            self.free_parameters.push(FreeParameters::ALL);
+        }
         self.cameras.len() - 1
+    }
+
+    /// The free parameters of a camera: none where it is constant.
+    ///
+    /// # Panics
+    /// Where there is no such camera.
+    #[must_use]
+    pub fn free_parameters_of(&self, camera: usize) -> FreeParameters {
+        if self.constant_cameras[camera] {
+            return FreeParameters::NONE;
+        }
+        self.free_parameters.get(camera).copied().unwrap_or(FreeParameters::ALL)
+    }
+
+    /// The number of unknowns of a camera: 0 where it is constant.
+    ///
+    /// # Panics
+    /// Where there is no such camera.
+    #[must_use]
+    pub fn camera_unknowns(&self, camera: usize) -> usize {
+        self.free_parameters_of(camera).count(self.cameras[camera].parameter_count())
+    }
+
+    /// Sets which parameters of a camera are free, unless it is constant as a whole.
+    pub fn set_free_parameters(&mut self, camera: usize, free: FreeParameters) {
+        self.free_parameters.resize(self.cameras.len(), FreeParameters::ALL);
+        if let Some(entry) = self.free_parameters.get_mut(camera) {
+            *entry = free;
+        }
     }
 
     /// Appends a landmark that may move and returns its index.
@@ -188,6 +223,9 @@ impl BundleProblem {
     pub fn validate(&self) -> Result<(), SolveError> {
         check_length("constant_poses", self.constant_poses.len(), self.poses.len())?;
         check_length("constant_cameras", self.constant_cameras.len(), self.cameras.len())?;
+        if !self.free_parameters.is_empty() {
+            check_length("free_parameters", self.free_parameters.len(), self.cameras.len())?;
+        }
         check_length("constant_landmarks", self.constant_landmarks.len(), self.landmarks.len())?;
         check_finite("pose", &self.poses, Se3::is_finite)?;
         check_finite("camera", &self.cameras, Camera::is_finite)?;

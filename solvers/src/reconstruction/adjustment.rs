@@ -8,7 +8,7 @@ use super::Estimate;
 use super::bearings::Bearings;
 use crate::bundle_adjustment::{self, BundleSummary};
 use crate::factors::RelativePose;
-use crate::geometry::{LieGroup, Se3};
+use crate::geometry::{FreeParameters, LieGroup, Se3};
 use crate::interrupt::Interrupt;
 use crate::loss::Loss;
 use crate::optimizer;
@@ -19,6 +19,8 @@ pub(super) struct Adjustment<'a> {
     pub(super) loss: Loss,
     /// Cameras that are held.
     pub(super) constant_cameras: Vec<bool>,
+    /// As those of a [`BundleProblem`].
+    pub(super) free_parameters: &'a [FreeParameters],
     /// Between keyframes that are placed by them.
     pub(super) relative_poses: &'a [RelativePose<Se3, 6>],
     pub(super) options: bundle_adjustment::Options,
@@ -35,6 +37,7 @@ pub(super) fn adjust(
     let mut problem = BundleProblem {
         observation_loss: adjustment.loss,
         constant_cameras: adjustment.constant_cameras,
+        free_parameters: adjustment.free_parameters.to_vec(),
         cameras: estimate.cameras.clone(),
         relative_poses: adjustment.relative_poses.to_vec(),
         ..BundleProblem::default()

@@ -128,6 +128,7 @@ impl Run<'_, '_> {
         let adjustment = Adjustment {
             loss,
             constant_cameras: constant.iter().map(|&held| held || !with_intrinsics).collect(),
+            free_parameters: &self.problem.free_parameters,
             relative_poses: &relative_poses,
             options: bundle_adjustment::Options {
                 optimizer: optimizer::Options {

@@ -3,6 +3,8 @@
 //! A count is checked against the bytes that are left before anything is reserved for it. What is read
 //! is of the right form; whether indices exist is for the reader of the message to check.
 
+mod cameras;
+
 use std::path::PathBuf;
 
 use nalgebra::{Quaternion, SMatrix, UnitQuaternion, Vector2, Vector3};
@@ -14,9 +16,7 @@ use super::section::{Section, Values};
 use crate::factors::{
     DepthReprojectionBatch, PosePrior, PositionPrior, RelativePose, ReprojectionBatch,
 };
-use crate::geometry::{
-    Camera, CameraModel, KannalaBrandt, PinholeRadialTangential, Se3, Snavely, So3,
-};
+use crate::geometry::{Camera, FreeParameters, Se3, So3};
 use crate::information::Information;
 use crate::loss::Loss;
 use crate::problem::BundleProblem;
@@ -149,6 +149,7 @@ structs! {
         landmarks: Vec<Vector3<f64>>,
         constant_poses: Vec<bool>,
         constant_cameras: Vec<bool>,
+        free_parameters: Vec<FreeParameters>,
         constant_landmarks: Vec<bool>,
         reprojections: ReprojectionBatch,
         depth_reprojections: DepthReprojectionBatch,
@@ -464,25 +465,4 @@ impl Coded for Se3 {
         let rotation = So3::from_unit_quaternion(UnitQuaternion::new_unchecked(quaternion));
         Ok(Self { rotation, translation: Coded::take(input)? })
     }
-}
-
-macro_rules! camera_models {
-    ($($model:ty, $count:literal;)*) => {$(
-        impl Coded for $model {
-            const LEAST: usize = 8 * $count;
-            fn put(&self, out: &mut Vec<u8>) {
-                CameraModel::<$count>::parameters(self).put(out);
-            }
-            fn take(input: &mut Input<'_>) -> Result<Self, CodecError> {
-                let parameters = SMatrix::<f64, $count, 1>::take(input)?;
-                Ok(<$model as CameraModel<$count>>::from_parameters(&parameters))
-            }
-        }
-    )*};
-}
-
-camera_models! {
-    PinholeRadialTangential, 9;
-    KannalaBrandt, 8;
-    Snavely, 3;
 }

@@ -12,7 +12,7 @@ use super::worker::Worker;
 use crate::interrupt::Interrupt;
 
 const MAGIC: [u8; 4] = *b"cvsp";
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 const HEAD: usize = 20;
 
 /// Why a stream is of no use any more.

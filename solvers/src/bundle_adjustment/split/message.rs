@@ -36,7 +36,7 @@ pub enum Source {
 pub enum BorderPart {
     /// The six unknowns of a pose.
     Pose(u32),
-    /// All parameters of a camera.
+    /// All unknowns of a camera.
     Camera(u32),
 }
 

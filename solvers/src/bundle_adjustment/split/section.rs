@@ -128,6 +128,10 @@ impl Partition {
             landmarks: picked(&problem.landmarks, &members.landmarks),
             constant_poses: picked(&problem.constant_poses, &members.poses),
             constant_cameras: picked(&problem.constant_cameras, &members.cameras),
+            free_parameters: match problem.free_parameters[..] {
+                [] => Vec::new(),
+                ref all => picked(all, &members.cameras),
+            },
             constant_landmarks: picked(&problem.constant_landmarks, &members.landmarks),
             observation_loss: problem.observation_loss,
             relative_pose_loss: problem.relative_pose_loss,

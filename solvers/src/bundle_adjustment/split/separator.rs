@@ -220,7 +220,7 @@ fn block_of(
         BorderPart::Camera(camera) => {
             let id = *members.cameras.get(camera as usize)? as usize;
             let (block, column) = blocks.of_camera[id];
-            Some((block, column, problem.cameras[id].parameter_count()))
+            Some((block, column, problem.camera_unknowns(id)))
         }
     }
 }

@@ -5,6 +5,7 @@
 //! about cheirality checks z. [`CameraModel`] is the static interface for hot loops, [`Camera`]
 //! the closed set of models for storage and mixed problems.
 
+mod free;
 mod kannala_brandt;
 mod pinhole;
 mod radial;
@@ -15,6 +16,7 @@ use std::ops::Deref;
 
 use nalgebra::{Matrix2x3, SMatrix, SVector, Vector2, Vector3};
 
+pub use free::{FreeParameters, ParameterKind};
 pub use kannala_brandt::KannalaBrandt;
 pub use pinhole::PinholeRadialTangential;
 pub use snavely::Snavely;
@@ -158,6 +160,19 @@ impl Camera {
             Self::Pinhole(_) => 9,
             Self::Fisheye(_) => 8,
             Self::Snavely(_) => 3,
+        }
+    }
+
+    /// What the parameter of this index describes.
+    pub fn parameter_kind(&self, parameter: usize) -> ParameterKind {
+        match (self, parameter) {
+            (Self::Snavely(_), 0) | (Self::Pinhole(_) | Self::Fisheye(_), 0 | 1) => {
+                ParameterKind::FocalLength
+            }
+            (Self::Pinhole(_) | Self::Fisheye(_), 2 | 3) => ParameterKind::PrincipalPoint,
+            (Self::Pinhole(_) | Self::Fisheye(_) | Self::Snavely(_), _) => {
+                ParameterKind::Distortion
+            }
         }
     }
 
