@@ -14,6 +14,7 @@ mod bundle_tracks;
 mod certificate;
 mod evaluation;
 mod factors;
+mod free_parameters;
 mod geometry;
 mod io;
 mod linear;

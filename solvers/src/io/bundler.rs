@@ -133,7 +133,7 @@ impl BundlerFile {
     /// With its line: the first field that is missing, malformed, not finite or out of range, a
     /// rotation that is none, counts that the bytes could not hold, anything after the last point.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, IoError> {
-        files::check_plain(bytes, path)?;
+        files::check_lines(bytes, path)?;
         let mut text = Text::new(bytes, path);
         let mut head = record(&mut text, "camera count")?;
         let camera_count = count(&mut head, "camera count", (text.remaining() + 1) / CAMERA_BYTES)?;

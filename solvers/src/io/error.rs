@@ -81,12 +81,30 @@ pub enum IoError {
         source: std::io::Error,
     },
     /// A text file is compressed.
-    #[error("{}: is compressed; `{with} {}` unpacks it", path.display(), path.display())]
+    #[error("{}: is compressed ({kind}); `{with} {}` unpacks it", path.display(), path.display())]
     Compressed {
         /// The file.
         path: PathBuf,
+        /// The format of the compression.
+        kind: &'static str,
         /// The program that unpacks it.
         with: &'static str,
+    },
+    /// The lines of a text file end in CR alone, so that it would be read as one line.
+    #[error("{}: the lines end in CR only; LF or CR LF is needed", path.display())]
+    LineEnds {
+        /// The file.
+        path: PathBuf,
+    },
+    /// What a file holds is that of another format than the one it is read as.
+    #[error("{location}: {reason}; the file looks like {other}")]
+    OtherFormat {
+        /// The first line that shows it.
+        location: Location,
+        /// What does not belong to the format.
+        reason: &'static str,
+        /// The format that has it, and its name in arguments.
+        other: &'static str,
     },
     /// A file that belongs to a folder's model is not there.
     #[error("{}: holds no {what}", path.display())]
@@ -170,7 +188,7 @@ pub enum IoError {
         /// The kind of record.
         field: &'static str,
         /// The id.
-        id: i64,
+        id: i128,
     },
     /// A record names another that the file does not hold.
     #[error("{location}: {field} {id} does not exist")]
@@ -180,7 +198,7 @@ pub enum IoError {
         /// The kind of record that is missing.
         field: &'static str,
         /// The id.
-        id: i64,
+        id: i128,
     },
     /// An edge ties a vertex to itself.
     #[error("{location}: the edge ties vertex {id} to itself")]

@@ -1,6 +1,7 @@
 //! Reading and writing whole files, errors with the path.
 //!
-//! It must not interpret bytes, except that compressed files are recognized and refused.
+//! It must not interpret bytes, except that compressed files and those without a line feed at the ends
+//! of lines are recognized and refused.
 
 use std::fs;
 use std::io;
@@ -8,12 +9,12 @@ use std::path::Path;
 
 use super::IoError;
 
-/// What compressed files begin with, and what unpacks them.
-const COMPRESSED: [(&[u8], &str); 4] = [
-    (b"BZh", "bunzip2"),
-    (b"\x1f\x8b", "gunzip"),
-    (b"\xfd7zXZ\0", "unxz"),
-    (b"\x28\xb5\x2f\xfd", "unzstd"),
+/// What compressed files begin with, the format's name, and what unpacks them.
+const COMPRESSED: [(&[u8], &str, &str); 4] = [
+    (b"BZh", "bzip2", "bunzip2"),
+    (b"\x1f\x8b", "gzip", "gunzip"),
+    (b"\xfd7zXZ\0", "xz", "unxz"),
+    (b"\x28\xb5\x2f\xfd", "zstd", "unzstd"),
 ];
 
 /// The file's bytes.
@@ -23,10 +24,26 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, IoError> {
 
 /// Refuses what is compressed, which no text that is read here begins like.
 pub(super) fn check_plain(bytes: &[u8], path: &Path) -> Result<(), IoError> {
-    match COMPRESSED.iter().find(|(head, _)| bytes.starts_with(head)) {
-        Some(&(_, with)) => Err(IoError::Compressed { path: path.to_owned(), with }),
+    match compression(bytes) {
+        Some((kind, with)) => Err(IoError::Compressed { path: path.to_owned(), kind, with }),
         None => Ok(()),
     }
+}
+
+/// Refuses what [`check_plain`] does, and lines that end in CR alone.
+pub(super) fn check_lines(bytes: &[u8], path: &Path) -> Result<(), IoError> {
+    check_plain(bytes, path)?;
+    let is_one_line = !bytes.contains(&b'\n');
+    if is_one_line && bytes.trim_ascii_end().contains(&b'\r') {
+        return Err(IoError::LineEnds { path: path.to_owned() });
+    }
+    Ok(())
+}
+
+/// The format of the compression and what unpacks it, where the bytes are compressed.
+pub(super) fn compression(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+    let found = COMPRESSED.iter().find(|(head, ..)| bytes.starts_with(head));
+    found.map(|&(_, kind, with)| (kind, with))
 }
 
 /// Writes `bytes`, replacing a file that is there: what stood there stays as it was until all is

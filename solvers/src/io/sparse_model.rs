@@ -9,7 +9,9 @@ use nalgebra::Vector2;
 use super::IoError;
 use super::bal::{BalFile, BalObservation};
 use super::bundler::{BundlerCamera, BundlerFile, BundlerPoint, BundlerView};
-use super::colmap::{ColmapCamera, ColmapCameraModel, ColmapImage, ColmapModel, ColmapPoint};
+use super::colmap::{
+    ColmapCamera, ColmapCameraModel, ColmapImage, ColmapModel, ColmapPoint, mean_errors_px,
+};
 use super::down_z;
 use super::trajectory::Trajectory;
 use crate::geometry::{Camera, Snavely};
@@ -166,8 +168,10 @@ impl SparseModel {
             let name = self.image_names.get(k).cloned().unwrap_or_else(made);
             model.images.insert(k as u32 + 1, ColmapImage::new(name, camera + 1, pose));
         }
-        for (k, (point, &color)) in self.problem.landmarks.iter().zip(&self.colors).enumerate() {
-            model.points.insert(k as u64 + 1, ColmapPoint::new(point, color));
+        let points = self.problem.landmarks.iter().zip(&self.colors);
+        for ((k, (point, &color)), error) in points.enumerate().zip(mean_errors_px(&self.problem)) {
+            let point = ColmapPoint { error, ..ColmapPoint::new(point, color) };
+            model.points.insert(k as u64 + 1, point);
         }
         let seen = &self.problem.reprojections;
         for k in 0..seen.len() {
@@ -179,19 +183,32 @@ impl SparseModel {
     }
 
     /// The poses: at the numbers that the images are named by (`1305031102.17.png`), in seconds, where
-    /// all are, else at their numbers from 0.
+    /// all are and no two differ by digits that the times do not hold, else at their numbers from 0.
     #[must_use]
     pub fn trajectory(&self) -> Trajectory {
-        let named = self.image_names.iter().map(|name| name_number(name)).collect();
-        let times: Option<Vec<f64>> = Some(named)
-            .filter(|all: &Vec<Option<f64>>| all.len() == self.problem.poses.len())
-            .and_then(|all| all.into_iter().collect());
+        let times = self.name_times();
         let mut trajectory = Trajectory::default();
         for (k, pose) in self.problem.poses.iter().enumerate() {
             let time = times.as_ref().map_or(k as f64, |times| times[k]);
             trajectory.push(time, *pose);
         }
         trajectory
+    }
+
+    /// The number that each image is named by.
+    fn name_times(&self) -> Option<Vec<f64>> {
+        if self.image_names.len() != self.problem.poses.len() {
+            return None;
+        }
+        let names = self.image_names.iter().map(|name| stem(name));
+        let mut named = names
+            .map(|stem| name_number(stem).map(|time| (time, stem)))
+            .collect::<Option<Vec<(f64, &str)>>>()?;
+        let times = named.iter().map(|&(time, _)| time).collect();
+        named.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let are_distinct =
+            named.windows(2).all(|pair| pair[0].0 != pair[1].0 || pair[0].1 == pair[1].1);
+        are_distinct.then_some(times)
     }
 
     /// The Snavely camera of each camera, and the pixel of its principal point in covis' problem.
@@ -254,10 +271,14 @@ impl SparseModel {
     }
 }
 
-/// The number that a file's name is, without its folders and its extension.
-fn name_number(name: &str) -> Option<f64> {
+/// A file's name without its folders and its extension.
+fn stem(name: &str) -> &str {
     let name = name.rsplit(['/', '\\']).next().unwrap_or(name);
-    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+}
+
+/// The number that a name without extension is.
+fn name_number(stem: &str) -> Option<f64> {
     let is_number = stem.starts_with(|c: char| c.is_ascii_digit());
     stem.parse().ok().filter(|time: &f64| is_number && time.is_finite())
 }

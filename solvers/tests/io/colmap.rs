@@ -126,6 +126,44 @@ fn a_solved_problem_goes_back() {
 }
 
 #[test]
+fn a_written_point_has_its_mean_error() {
+    let mut model = model();
+    let converted = model.to_problem().unwrap();
+    model.update_from(&converted).unwrap();
+    let problem = &converted.problem;
+    let distance = |k: usize| {
+        let o = problem.observation(k);
+        let point = problem.landmarks[o.landmark as usize];
+        let in_camera = problem.poses[o.pose as usize].inverse_transform(&point);
+        let pixel = problem.cameras[o.camera as usize].project(&in_camera).unwrap();
+        (pixel - o.seen.pixel).norm()
+    };
+    let of_first = |k: &usize| problem.observation(*k).landmark == 0;
+    let all: Vec<f64> = (0..4).filter(of_first).map(distance).collect();
+    assert!((model.points[&11].error - 0.5 * (all[0] + all[1])).abs() < 1e-9);
+    model.points.insert(13, ColmapPoint::new(&Vector3::zeros(), [0; 3]));
+    let unseen = model.to_problem().unwrap();
+    model.update_from(&unseen).unwrap();
+    assert_eq!(model.points[&13].error, -1.0, "nothing observes it");
+}
+
+#[test]
+fn a_camera_has_the_free_parameters_of_its_model() {
+    for number in 0..12 {
+        let kind = ColmapCameraModel::from_number(number).unwrap();
+        let parameters = vec![1.0; kind.parameter_count()];
+        let camera = ColmapCamera { model: kind, width: 1, height: 1, parameters };
+        let unknowns = kind.free_parameters().count(9);
+        match (kind, camera.to_camera(1)) {
+            // k4, k5 and k6 are zero in what is read.
+            (ColmapCameraModel::FullOpenCv, _) => assert_eq!(unknowns, 9),
+            (_, Ok(_)) => assert_eq!(unknowns, kind.parameter_count(), "{}", kind.name()),
+            (_, Err(_)) => assert_eq!(unknowns, 0, "{}", kind.name()),
+        }
+    }
+}
+
+#[test]
 fn cameras_convert_exactly_or_are_refused() {
     let pinhole = PinholeRadialTangential::undistorted(1.0, 2.0, 3.0, 4.0);
     let snavely = Camera::Snavely(Snavely { focal: 500.0, k1: 0.1, k2: 0.2 });
@@ -174,6 +212,8 @@ fn bad_text_is_refused_by_line_and_field() {
         (1, "\n9 ", "\n2 ", &["line 7", "image 2 stands twice"]),
         (2, "\n12 ", "\n11 ", &["points3D.txt, line 3", "point 11 stands twice"]),
         (2, " 1 2 3 ", " 1 2 300 ", &["line 2", "blue", "`300`"]),
+        (1, " 11 ", " 18446744073709551615 ", &["line 4", "point 18446744073709551615 does not"]),
+        (2, "\n12 ", "\n18446744073709551615 ", &["line 3", "point id", "`18446744073709551615`"]),
         (2, " 2 0\n", " 2\n", &["line 2", "track keypoint is missing"]),
         (2, " 2 0\n", " 2 9\n", &["record 11", "image 2 is 9", "there are 2"]),
         (2, " 2 0\n", " 7 0\n", &["record 11", "image 7 does not exist"]),
@@ -210,6 +250,7 @@ fn bad_binary_is_refused_by_byte_and_field() {
     let name_end = 8 + 4 + 56 + 4 + "view 10.png".len() + 1;
     refuse(1, &|b| set(name_end, &huge, b), &[&format!("byte {name_end}"), "keypoint count"]);
     refuse(1, &|b| set(name_end - 3, &[0xff], b), &["image name"]);
+    refuse(2, &|b| set(8, &huge, b), &["points3D.bin, byte 8", "point id cannot be `18446744"]);
     refuse(2, &|b| set(51, &[200], b), &["points3D.bin, byte 51", "track length says 200"]);
 }
 

@@ -79,6 +79,22 @@ fn written_files_read_back_equal() {
 }
 
 #[test]
+fn parameters_that_no_record_uses_are_skipped() {
+    let line = "PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\n";
+    assert_eq!(parse(&format!("{line}{SE3}")).unwrap(), parse(SE3).unwrap());
+    assert_eq!(parse(&format!("{SE2}{line}")).unwrap(), parse(SE2).unwrap());
+    let used = format!("{line}{SE3}EDGE_SE3_PRIOR 0 0 0 0 0 0 0 0 1\n");
+    refused(parse(&used), &["unknown tag `EDGE_SE3_PRIOR`"]);
+    refused(parse(line), &["no vertex or edge"]);
+}
+
+#[test]
+fn lines_that_end_in_cr_alone_are_told() {
+    refused(parse(&SE2.replace('\n', "\r")), &["graph.g2o: the lines end in CR only"]);
+    assert_eq!(parse(&SE2.replace('\n', "\r\n")).unwrap(), parse(SE2).unwrap());
+}
+
+#[test]
 fn a_file_of_edges_only_takes_its_ids_from_them() {
     let text = "EDGE_SE2 30 -2 1 0 0 1 0 0 1 0 1\n\nEDGE_SE2 5 30 1 0 0 1 0 0 1 0 1\n    \n";
     let G2oGraph::Se2(mut file) = parse(text).unwrap() else { panic!("read as 3D") };

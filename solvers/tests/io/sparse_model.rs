@@ -101,6 +101,11 @@ fn images_named_by_their_times_make_a_trajectory_of_these() {
         model.problem.push_pose(Se3::identity());
     }
     assert_eq!(model.trajectory().timestamps, [1305031102.175304, 1305031102.211214]);
+    // The same time of two cameras is one; digits that a time does not hold are none.
+    model.image_names[1] = "right/1305031102.175304.png".to_owned();
+    assert_eq!(model.trajectory().timestamps, [1305031102.175304; 2]);
+    model.image_names[1] = "1305031102.17530400001.png".to_owned();
+    assert_eq!(model.trajectory().timestamps, [0.0, 1.0]);
     model.image_names[1] = "b.png".to_owned();
     assert_eq!(model.trajectory().timestamps, [0.0, 1.0]);
 }

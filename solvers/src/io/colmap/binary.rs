@@ -12,11 +12,10 @@ use super::super::IoError;
 use super::super::binary::Binary;
 use super::super::rotation::check_norm;
 use super::{
-    ColmapCamera, ColmapCameraModel, ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint, insert,
+    ColmapCamera, ColmapCameraModel, ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint,
+    NO_POINT, insert, point_id,
 };
 
-/// The point id that means none.
-const NO_POINT: u64 = u64::MAX;
 /// Least bytes of a camera, an image, a keypoint, a point and a track entry.
 const CAMERA_BYTES: usize = 24 + 3 * 8;
 const IMAGE_BYTES: usize = 4 + 7 * 8 + 4 + 1 + 8;
@@ -57,7 +56,7 @@ pub(super) fn parse_points(
     let mut file = Binary::new(bytes, path);
     for _ in 0..file.count("point count", POINT_BYTES)? {
         let location = file.location();
-        let id = file.u64("point id")?;
+        let id = point_id(file.u64("point id")?, &location)?;
         let position = file.f64s("position")?;
         let color = file.color("color")?;
         let error = file.f64("error")?;

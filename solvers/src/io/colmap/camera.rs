@@ -3,11 +3,12 @@
 //! SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, and FULL_OPENCV with k4 = k5 = k6 = 0
 //! are pinholes with radial-tangential distortion; OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE and
 //! RADIAL_FISHEYE are Kannala-Brandt. The others are kept in a model and refused by the
-//! conversion. Principal points shift by 0.5 px on the way.
+//! conversion. Principal points shift by 0.5 px on the way. What a model lacks of covis' parameters
+//! stays as it is in a solve, so that the model represents the result.
 
 use self::ColmapCameraModel as Model;
 use super::super::IoError;
-use crate::geometry::{Camera, KannalaBrandt, PinholeRadialTangential};
+use crate::geometry::{Camera, FreeParameters, KannalaBrandt, PinholeRadialTangential};
 
 /// Distance from COLMAP's pixel origin (a corner) to covis' (the first pixel's center).
 pub(super) const PIXEL_CENTER: f64 = 0.5;
@@ -63,6 +64,25 @@ impl ColmapCameraModel {
     #[must_use]
     pub fn parameter_count(self) -> usize {
         MODELS[self as usize].2
+    }
+
+    /// Which parameters of covis' camera the model has: a single focal length is one unknown for fx and
+    /// fy. k4, k5 and k6 of FULL_OPENCV stay zero. A model that covis does not represent has none.
+    #[must_use]
+    pub fn free_parameters(self) -> FreeParameters {
+        // Focal lengths and principal point, then what is there of the distortion, in covis' order.
+        let (has_one_focal_length, coefficients) = match self {
+            Self::SimplePinhole => (true, 0),
+            Self::Pinhole => (false, 0),
+            Self::SimpleRadial | Self::SimpleRadialFisheye => (true, 1),
+            Self::Radial | Self::RadialFisheye => (true, 2),
+            Self::OpenCv | Self::OpenCvFisheye => (false, 4),
+            Self::FullOpenCv => (false, 5),
+            Self::Fov | Self::ThinPrismFisheye | Self::RadTanThinPrismFisheye => {
+                return FreeParameters::NONE;
+            }
+        };
+        FreeParameters::new(std::array::from_fn(|k| k < 4 + coefficients), has_one_focal_length)
     }
 
     /// The model of a number; `None` where covis does not know it.

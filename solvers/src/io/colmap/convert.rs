@@ -2,7 +2,8 @@
 //!
 //! Poses stand in the natural order of image names, cameras and landmarks by id. Keypoints without
 //! a 3D point are no observations; they stay in the model. A camera that no image uses and a point
-//! that no image sees are constant, so that the problem has no variable without a factor.
+//! that no image sees are constant, so that the problem has no variable without a factor. Of a camera
+//! only the parameters of its COLMAP model are free.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -102,14 +103,15 @@ impl ColmapModel {
             field,
             id,
         };
-        let observed = self.points.get_mut(&point).ok_or_else(|| unknown("point", point as i64))?;
+        let observed = self.points.get_mut(&point).ok_or_else(|| unknown("point", point.into()))?;
         let observer = self.images.get_mut(&image).ok_or_else(|| unknown("image", image.into()))?;
         observed.track.push((image, observer.keypoints.len() as u32));
         observer.keypoints.push(ColmapKeypoint::new(pixel, Some(point)));
         Ok(())
     }
 
-    /// The bundle adjustment problem in covis' conventions, all used variables free.
+    /// The bundle adjustment problem in covis' conventions, all used variables free; of a camera those
+    /// parameters that its model has.
     ///
     /// # Errors
     /// [`IoError::UnsupportedCamera`]; for a model that was not parsed but filled by hand also
@@ -120,6 +122,7 @@ impl ColmapModel {
         let mut camera_index = BTreeMap::new();
         for (&id, camera) in &self.cameras {
             let index = out.problem.push_camera(camera.to_camera(id)?, true);
+            out.problem.set_free_parameters(index, camera.model.free_parameters());
             camera_index.insert(id, index);
             out.camera_ids.push(id);
         }
@@ -147,7 +150,7 @@ impl ColmapModel {
             for (k, keypoint) in image.keypoints.iter().enumerate() {
                 let Some(point) = keypoint.point else { continue };
                 let &landmark =
-                    point_index.get(&point).ok_or_else(|| unknown("point", point as i64))?;
+                    point_index.get(&point).ok_or_else(|| unknown("point", point.into()))?;
                 let (p, c, l) = (pose as u32, camera as u32, landmark as u32);
                 out.problem.reprojections.push(p, c, l, keypoint.pixel(), 1.0);
                 out.problem.constant_cameras[camera] = false;
@@ -159,8 +162,8 @@ impl ColmapModel {
     }
 
     /// Takes poses, intrinsics and points of a problem that [`ColmapModel::to_problem`] made.
-    /// A camera keeps its model where that represents it exactly. Points' stored errors become
-    /// unknown (−1).
+    /// A camera keeps its model where that represents it exactly, as it does after a solve. The error
+    /// of a point becomes the mean of the problem's.
     ///
     /// # Errors
     /// [`IoError::UnknownId`] or [`IoError::SizeMismatch`] where the two do not belong together;
@@ -178,7 +181,7 @@ impl ColmapModel {
         }
         let unknown = |field, id: u64| {
             let location = Location::record(Path::new("problem"), id);
-            IoError::UnknownId { location, field, id: id as i64 }
+            IoError::UnknownId { location, field, id: id.into() }
         };
         for (&id, pose) in image_ids.iter().zip(&problem.poses) {
             let image = self.images.get_mut(&id).ok_or_else(|| unknown("image", id.into()))?;
@@ -188,11 +191,31 @@ impl ColmapModel {
             let slot = self.cameras.get_mut(&id).ok_or_else(|| unknown("camera", id.into()))?;
             *slot = slot.updated(camera);
         }
-        for (&id, landmark) in point_ids.iter().zip(&problem.landmarks) {
+        let errors = mean_errors_px(problem);
+        for ((&id, landmark), error) in point_ids.iter().zip(&problem.landmarks).zip(errors) {
             let point = self.points.get_mut(&id).ok_or_else(|| unknown("point", id))?;
             point.position = (*landmark).into();
-            point.error = -1.0;
+            point.error = error;
         }
         Ok(())
     }
+}
+
+/// The mean distance of each landmark's projections from its pixels, px; −1 where the landmark has no
+/// observation, or one without a finite projection.
+pub(in crate::io) fn mean_errors_px(problem: &BundleProblem) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0_u32); problem.landmarks.len()];
+    for observation in problem.observations() {
+        let landmark = observation.landmark as usize;
+        let Some((sum, count)) = sums.get_mut(landmark) else { continue };
+        let pose = problem.poses.get(observation.pose as usize);
+        let camera = problem.cameras.get(observation.camera as usize);
+        let projected = pose.zip(camera).and_then(|(pose, camera)| {
+            camera.project(&pose.inverse_transform(&problem.landmarks[landmark]))
+        });
+        *sum += projected.map_or(f64::NAN, |pixel| (pixel - observation.seen.pixel).norm());
+        *count += 1;
+    }
+    let mean = |(sum, count): (f64, u32)| sum / f64::from(count);
+    sums.into_iter().map(mean).map(|mean| if mean.is_finite() { mean } else { -1.0 }).collect()
 }

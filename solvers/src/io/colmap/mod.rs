@@ -15,6 +15,7 @@ use std::path::Path;
 
 pub use camera::{ColmapCamera, ColmapCameraModel};
 pub use convert::ColmapProblem;
+pub(super) use convert::mean_errors_px;
 
 use super::text::TextWriter;
 use super::{IoError, Location, files};
@@ -134,7 +135,7 @@ pub struct ColmapPoint {
     pub position: [f64; 3],
     /// Red, green, blue.
     pub color: [u8; 3],
-    /// Mean reprojection error in pixels; −1 where it is not known.
+    /// Mean reprojection error in pixels; −1 where it was not computed.
     pub error: f64,
     /// Observations as (image id, index of the keypoint in the image).
     pub track: Vec<(u32, u32)>,
@@ -177,7 +178,7 @@ impl ColmapModel {
     ///
     /// # Errors
     /// With line or byte: what is truncated, malformed, not finite or follows the end, a count that
-    /// the file cannot hold, an unknown camera model, a quaternion whose norm is off by more than
+    /// the file cannot hold, an unknown camera model, a point id of 2⁶⁴ − 1 (which means none), a quaternion whose norm is off by more than
     /// 1e-3, an id that stands twice or does not exist.
     pub fn parse(
         encoding: ColmapEncoding,
@@ -188,6 +189,9 @@ impl ColmapModel {
         let mut model = Self::default();
         match encoding {
             ColmapEncoding::Text => {
+                files::check_lines(cameras, &camera_path)?;
+                files::check_lines(points, &point_path)?;
+                files::check_lines(images, &image_path)?;
                 text::parse_cameras(&mut model, cameras, &camera_path)?;
                 text::parse_points(&mut model, points, &point_path)?;
                 text::parse_images(&mut model, images, &image_path)?;
@@ -276,11 +280,23 @@ impl ColmapModel {
     ) -> Result<(), IoError> {
         match id {
             Some(id) if !self.points.contains_key(&id) => {
-                Err(IoError::UnknownId { location: location(), field: "point", id: id as i64 })
+                Err(IoError::UnknownId { location: location(), field: "point", id: id.into() })
             }
             Some(_) | None => Ok(()),
         }
     }
+}
+
+/// The point id that means none in a binary file, which no point can have.
+const NO_POINT: u64 = u64::MAX;
+
+/// The id of a point that was read.
+fn point_id(id: u64, location: &Location) -> Result<u64, IoError> {
+    if id == NO_POINT {
+        let (location, field) = (location.clone(), "point id".to_owned());
+        return Err(IoError::Malformed { location, field, found: id.to_string() });
+    }
+    Ok(id)
 }
 
 /// Adds a record that was read, refusing a second one with its id.
@@ -292,6 +308,6 @@ fn insert<K: Copy + Ord + Into<u64>, V>(
 ) -> Result<(), IoError> {
     match map.insert(id, record) {
         None => Ok(()),
-        Some(_) => Err(IoError::DuplicateId { location, field, id: id.into() as i64 }),
+        Some(_) => Err(IoError::DuplicateId { location, field, id: id.into().into() }),
     }
 }

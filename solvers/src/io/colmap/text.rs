@@ -12,6 +12,7 @@ use super::super::rotation::check_norm;
 use super::super::text::{Line, Text, TextWriter};
 use super::{
     ColmapCamera, ColmapCameraModel, ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint, insert,
+    point_id,
 };
 
 pub(super) fn parse_cameras(
@@ -49,7 +50,7 @@ pub(super) fn parse_points(
     let mut text = Text::new(bytes, path);
     while let Some(mut line) = text.record() {
         let location = line.location();
-        let id: u64 = line.integer("point id")?;
+        let id = point_id(line.integer("point id")?, &location)?;
         let position = line.numbers("position")?;
         let color = [line.integer("red")?, line.integer("green")?, line.integer("blue")?];
         let error = line.number("error")?;

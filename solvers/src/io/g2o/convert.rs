@@ -156,7 +156,11 @@ impl<const P: usize, const U: usize> G2oFile<P, U> {
             for (k, (new, old)) in vertices.iter().zip(&self.vertices).enumerate() {
                 if new.id != old.id {
                     let location = Location::record(Path::new("vertex"), k as u64);
-                    return Err(IoError::UnknownId { location, field: "vertex", id: new.id });
+                    return Err(IoError::UnknownId {
+                        location,
+                        field: "vertex",
+                        id: new.id.into(),
+                    });
                 }
             }
         }
@@ -180,7 +184,7 @@ fn to_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usiz
         let index = graph.push_pose(vertex.id, element(&vertex.pose, "vertex", k)?);
         if index_of.insert(vertex.id, index).is_some() {
             let (location, id) = (location("vertex", k), vertex.id);
-            return Err(IoError::DuplicateId { location, field: "vertex", id });
+            return Err(IoError::DuplicateId { location, field: "vertex", id: id.into() });
         }
     }
     if !file.has_vertices() {
@@ -190,7 +194,8 @@ fn to_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usiz
         }
     }
     let find = |id: i64, kind: &str, k: usize| {
-        let unknown = || IoError::UnknownId { location: location(kind, k), field: "vertex", id };
+        let unknown =
+            || IoError::UnknownId { location: location(kind, k), field: "vertex", id: id.into() };
         index_of.get(&id).copied().ok_or_else(unknown)
     };
     for (k, &id) in file.fixed.iter().enumerate() {

@@ -3,9 +3,11 @@
 //! A vertex is world_from_pose, an edge i_from_j with the upper triangle of its information matrix,
 //! row by row, translation first (covis' own order). The file's numbers are kept as they stand, so
 //! that writing gives the same objective back; only the conversion to a pose graph normalizes
-//! quaternions. Information matrices may be singular; negative eigenvalues are refused, or repaired
-//! in the file's numbers where the caller asks for it. A file may have edges only: its ids then come from the edges, its poses are the
-//! identity and the start must be made elsewhere.
+//! quaternions. Lines of parameters (`PARAMS_…`) are skipped: no record that is read uses them, and a
+//! record that does is refused by its tag. Information matrices may be singular; negative eigenvalues
+//! are refused, or repaired in the file's numbers where the caller asks for it. A file may have edges
+//! only: its ids then come from the edges, its poses are the identity and the start must be made
+//! elsewhere.
 
 mod convert;
 mod parse;

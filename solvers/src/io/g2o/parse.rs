@@ -28,6 +28,7 @@ enum Tag {
     Vertex,
     Edge,
     Fix,
+    Parameter,
 }
 
 /// A file that is being read, with the line of each record.
@@ -43,7 +44,7 @@ pub(super) fn parse(
     path: &Path,
     indefinite: Indefinite,
 ) -> Result<(G2oGraph, Option<RepairedEdges>), IoError> {
-    files::check_plain(bytes, path)?;
+    files::check_lines(bytes, path)?;
     let mut se2 = Builder::<3, 6>::new();
     let mut se3 = Builder::<7, 21>::new();
     let mut fixed: Vec<(i64, u64)> = Vec::new();
@@ -56,9 +57,12 @@ pub(super) fn parse(
             b"VERTEX_SE3:QUAT" => (Tag::Vertex, true),
             b"EDGE_SE3:QUAT" => (Tag::Edge, true),
             b"FIX" => (Tag::Fix, false),
+            // Only edges that are not read, and refused, use parameters.
+            word if word.starts_with(b"PARAMS_") => (Tag::Parameter, false),
             _ => return Err(IoError::UnknownTag { location: line.location(), tag: excerpt(word) }),
         };
         match (tag, is_se3) {
+            (Tag::Parameter, _) => {}
             (Tag::Fix, _) => {
                 fixed.push((line.integer("vertex id")?, line.line_number()));
                 while !line.is_at_end() {
@@ -105,7 +109,7 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         let location = line.location();
         line.end()?;
         if !self.ids.insert(id) {
-            return Err(IoError::DuplicateId { location, field: "vertex", id });
+            return Err(IoError::DuplicateId { location, field: "vertex", id: id.into() });
         }
         self.file.vertices.push(G2oVertex { id, pose });
         Ok(())
@@ -142,7 +146,7 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         for (id, line) in edge_ends.chain(fixed.iter().copied()) {
             if !self.ids.contains(&id) {
                 let location = Location::line(path, line);
-                return Err(IoError::UnknownId { location, field: "vertex", id });
+                return Err(IoError::UnknownId { location, field: "vertex", id: id.into() });
             }
         }
         let repaired = self.check_information::<N>(path, indefinite)?;
