@@ -1,11 +1,12 @@
 //! The list of formats: names, extensions, what is in them, and how the format of a path is told.
 //!
 //! docs/formats.md has the same table, which a test compares. Must not read more of a file than its first
-//! line.
+//! lines.
 
 use std::path::Path;
 
 use super::colmap::ColmapEncoding;
+use super::files;
 use super::text::Text;
 use super::trajectory::TrajectoryFormat;
 
@@ -129,6 +130,10 @@ impl Format {
     #[must_use]
     pub fn of_file(path: &Path, bytes: &[u8]) -> Self {
         match Self::of_extension(path)[..] {
+            // A table may hold TUM's columns as well.
+            [Self::Trajectory(TrajectoryFormat::Euroc)] => {
+                Self::Trajectory(TrajectoryFormat::of_table(bytes))
+            }
             [only] => only,
             _ => Self::of_bytes(bytes),
         }
@@ -157,11 +162,15 @@ impl Format {
         if bytes.starts_with(b"# Bundle file") {
             return Self::Bundler;
         }
-        let Some(mut line) = Text::new(bytes, Path::new("")).record() else {
-            return Self::Trajectory(TrajectoryFormat::Tum);
-        };
+        let unknown = Self::Trajectory(TrajectoryFormat::Tum);
+        // The reader says that it is compressed.
+        if files::compression(bytes).is_some() {
+            return unknown;
+        }
+        let Some(mut line) = Text::new(bytes, Path::new("")).record() else { return unknown };
         let first = line.word().unwrap_or_default();
-        if [&b"VERTEX_"[..], b"EDGE_", b"FIX"].iter().any(|tag| first.starts_with(tag)) {
+        if [&b"VERTEX_"[..], b"EDGE_", b"FIX", b"PARAMS_"].iter().any(|tag| first.starts_with(tag))
+        {
             return Self::G2o;
         }
         let more = std::iter::from_fn(|| line.word()).take(3).count();
@@ -202,6 +211,9 @@ mod tests {
         assert_eq!(told("a.txt", "# t\n1 2 3 4 0 0 0 1\n"), "tum");
         assert_eq!(told("a.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n"), "kitti");
         assert_eq!(told("a", "#timestamp [ns]\n1,2,3\n"), "euroc");
+        assert_eq!(told("a.csv", "1.5,1,2,3,0,0,0,1\n"), "tum");
+        assert_eq!(told("a.g2", "PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\n"), "g2o");
+        assert_eq!(told("problem.txt.bz2", "BZh,,,"), "tum");
         assert_eq!(told("problem-16.txt", "16 22106 83718\n0 0 1 2\n"), "bal");
         assert_eq!(told("a.txt", "# Bundle file v0.3\n1 1\n"), "bundler");
         assert_eq!(told("a.txt", "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"), "g2o");

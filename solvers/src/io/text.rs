@@ -123,9 +123,9 @@ impl<'a> Line<'a> {
         self.number
     }
 
-    /// The same line as one of a table whose cells commas separate.
-    pub(super) fn cells(self) -> Self {
-        Self { is_table: true, ..self }
+    /// The same line as one of a table whose cells commas separate, or else white space.
+    pub(super) fn separated(self, by_commas: bool) -> Self {
+        Self { is_table: by_commas, ..self }
     }
 
     /// The next word, `None` at the end of the line.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::IoError;
+use covis_solvers::io::format::Format;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat, read_times};
 use proptest::prelude::*;
 
@@ -108,6 +109,103 @@ fn times_beside_a_kitti_file_are_one_a_line() {
     assert_eq!(read_times(&path).unwrap(), [0.0, 0.1037]);
     fs_err::write(&path, "0 1\n").unwrap();
     refused(read_times(&path), &["times.txt, line 1", "`1` follows"]);
+}
+
+/// Poses in TUM's columns, each number between `separator`s.
+fn table(separator: &str, times: &[&str]) -> String {
+    let rows = times.iter().map(|t| {
+        let numbers = [*t, "1", "2", "3", "0.1", "0.2", "0.3", "0.9273618495495704"];
+        numbers.join(separator)
+    });
+    rows.collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn a_comma_makes_no_file_euroc() {
+    let seconds = ["1305031102.175304", "1305031102.275304"];
+    let plain = parse(&table(" ", &seconds)).unwrap();
+    for separator in [",", ", ", " , "] {
+        for head in ["", "#timestamp,tx,ty,tz,qx,qy,qz,qw\n"] {
+            let text = format!("{head}{}\n", table(separator, &seconds));
+            for name in ["a.txt", "a.csv", "a.tum", "a"] {
+                let format = Format::of_file(Path::new(name), text.as_bytes());
+                assert_eq!(format, Format::Trajectory(TrajectoryFormat::Tum), "{name}: {text}");
+            }
+            assert_eq!(parse(&text).unwrap(), plain, "{text}");
+            refused(parse_as(&text, TrajectoryFormat::Euroc), &["t.txt, line", "looks like a TUM"]);
+        }
+    }
+}
+
+#[test]
+fn the_times_of_a_table_tell_its_format_then_its_header() {
+    use TrajectoryFormat::{Euroc, Tum};
+    let told = |head: &str, times: &[&str]| {
+        TrajectoryFormat::of_bytes(format!("{head}{}", table(",", times)).as_bytes())
+    };
+    assert_eq!(told("", &["1403636580838555648"]), Euroc);
+    assert_eq!(told("", &["1403636580838555648.000000"]), Euroc, "whole, with a point");
+    assert_eq!(told("", &["0", "50000000", "100000000"]), Euroc, "from 0, at 20 Hz");
+    assert_eq!(told("", &["0", "1", "2"]), Tum, "whole seconds");
+    assert_eq!(told("", &["0", "0.05", "0.1"]), Tum);
+    assert_eq!(told("# timestamp [ns]\n", &["0", "1"]), Euroc);
+    assert_eq!(told("#timestamp [s]\n", &["0", "20000"]), Tum);
+    assert_eq!(told("#t, x, y, z, q_RS_w [], q_RS_x []\n", &["7"]), Euroc);
+    assert_eq!(told("#t, x, y, z, qx, qy, qz, qw\n", &["7"]), Tum);
+    assert_eq!(told("", &["7"]), Euroc, "nothing tells");
+}
+
+#[test]
+fn a_quaternion_that_the_header_orders_otherwise_is_refused() {
+    let ns = ["1403636580838555648"];
+    let x_first = format!("#time [ns],tx,ty,tz,qx,qy,qz,qw\n{}", table(",", &ns));
+    refused(parse_as(&x_first, TrajectoryFormat::Euroc), &["t.txt", "x, y, z, w", "EuRoC's is w"]);
+    for separator in [",", " "] {
+        let names = ["#time", "tx", "ty", "tz", "qw", "qx", "qy", "qz"].join(separator);
+        let w_first = format!("{names}\n{}", table(separator, &["1.5"]));
+        refused(parse(&w_first), &["t.txt", "w, x, y, z", "TUM's is x, y, z, w"]);
+    }
+}
+
+#[test]
+fn a_file_of_another_form_is_refused_as_what_it_is() {
+    let (kitti, tum) = ("1 0 0 5 0 0 -1 6 0 1 0 7\n", "1.5 1 2 3 0 0 0 1\n");
+    refused(parse(kitti), &["line 1", "12 numbers", "looks like KITTI"]);
+    refused(parse(&format!("{tum}{kitti}")), &["line 2", "12 numbers"]);
+    refused(parse_as(tum, TrajectoryFormat::Kitti), &["line 1", "8 numbers", "looks like a TUM"]);
+    for format in [TrajectoryFormat::Tum, TrajectoryFormat::Kitti, TrajectoryFormat::Euroc] {
+        for text in ["# t\r1.5 1 2 3 0 0 0 1\r", "1.5 1 2 3 0 0 0 1\r2.5 1 2 3 0 0 0 1"] {
+            refused(parse_as(text, format), &["t.txt: the lines end in CR only"]);
+        }
+        let gzip = Trajectory::parse_as(b"\x1f\x8b\x08,", Path::new("t.gz"), format);
+        refused(gzip, &["t.gz", "compressed (gzip)", "gunzip t.gz"]);
+        for (text, what) in [("", "is empty"), (" \n", "is empty"), ("# t\n", "only comments")] {
+            let read = Trajectory::parse_poses_as(text.as_bytes(), Path::new("t.txt"), format);
+            refused(read, &["t.txt: there is no pose", what]);
+            assert!(parse_as(text, format).unwrap().is_empty());
+        }
+    }
+    assert_eq!(parse("1.5 1 2 3 0 0 0 1\r").unwrap().len(), 1, "one line");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 4096, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn nanoseconds_of_this_century_come_back_within_their_spacing(
+        nanoseconds in (1i64 << 30) * 1_000_000_000..(1i64 << 31) * 1_000_000_000,
+    ) {
+        let euroc = format!("{nanoseconds},1,2,3,1,0,0,0\n");
+        let read = parse_as(&euroc, TrajectoryFormat::Euroc).unwrap();
+        let through_tum = parse(&String::from_utf8(read.to_bytes()).unwrap()).unwrap();
+        let written = through_tum.to_bytes_as(TrajectoryFormat::Euroc).unwrap();
+        let row = String::from_utf8(written).unwrap().lines().nth(1).unwrap().to_owned();
+        let back: i64 = row.split(',').next().unwrap().parse().unwrap();
+        prop_assert!((back - nanoseconds).abs() < 240, "{} is {} off", back, back - nanoseconds);
+        if nanoseconds % 256 == 0 {
+            prop_assert_eq!(back, nanoseconds);
+        }
+    }
 }
 
 proptest! {

@@ -5,20 +5,28 @@
 
 use std::path::Path;
 
-use super::super::text::{Text, TextWriter};
+use super::super::text::{Line, Text, TextWriter};
 use super::super::{IoError, pose_matrix};
-use super::Trajectory;
+use super::{Trajectory, columns};
+use crate::geometry::Se3;
 
 pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Trajectory, IoError> {
     let mut text = Text::new(bytes, path);
     let mut trajectory = Trajectory::default();
-    while let Some(mut line) = text.record() {
-        let row = [line.numbers("row 0")?, line.numbers("row 1")?, line.numbers("row 2")?];
-        let world_from_camera = pose_matrix::rigid(row, || line.location())?;
+    while let Some(line) = text.record() {
+        let world_from_camera = pose(line);
+        let world_from_camera =
+            world_from_camera.map_err(|error| columns::not_kitti(line).unwrap_or(error))?;
         trajectory.push(trajectory.len() as f64, world_from_camera);
-        line.end()?;
     }
     Ok(trajectory)
+}
+
+fn pose(mut line: Line<'_>) -> Result<Se3, IoError> {
+    let row = [line.numbers("row 0")?, line.numbers("row 1")?, line.numbers("row 2")?];
+    let world_from_camera = pose_matrix::rigid(row, || line.location())?;
+    line.end()?;
+    Ok(world_from_camera)
 }
 
 pub(super) fn to_bytes(trajectory: &Trajectory) -> Vec<u8> {

@@ -1,20 +1,23 @@
 //! Trajectories of TUM, KITTI and EuRoC. Without a format named, a file is TUM's.
 //!
-//! TUM: lines `timestamp tx ty tz qx qy qz qw`, seconds and meters, `#` comments. Poses are
-//! world_from_body. Quaternions are normalized within 1e-3 on import. Numbers are written with the
-//! fewest digits that read back exactly. The others are in `kitti` and `euroc`. Poses stay in file
-//! order: nothing is sorted or interpolated.
+//! TUM: lines `timestamp tx ty tz qx qy qz qw`, seconds and meters, `#` comments; commas may separate
+//! the numbers. Poses are world_from_body. Quaternions are normalized within 1e-3 on import. Numbers
+//! are written with the fewest digits that read back exactly. The others are in `kitti` and `euroc`,
+//! what tells them apart in `columns`. Poses stay in file order: nothing is sorted or interpolated.
 
+mod columns;
 mod euroc;
 mod kitti;
+mod times;
 
 use std::path::Path;
 
 use nalgebra::Vector3;
 
 pub use kitti::read_times;
+pub use times::{nanoseconds_of_seconds, seconds_of_nanoseconds};
 
-use super::text::{Text, TextWriter};
+use super::text::{Line, Text, TextWriter};
 use super::{IoError, files, rotation};
 use crate::geometry::Se3;
 
@@ -31,21 +34,17 @@ pub enum TrajectoryFormat {
 }
 
 impl TrajectoryFormat {
-    /// Told by the first line that is neither blank nor a comment: a comma is EuRoC's, twelve words are
-    /// KITTI's, and anything else is TUM's to refuse.
+    /// Told by the first lines that are neither blank nor a comment: twelve words are KITTI's, numbers
+    /// between commas are EuRoC's where the times are nanoseconds and TUM's where they are seconds, and
+    /// anything else is TUM's to refuse.
     #[must_use]
     pub fn of_bytes(bytes: &[u8]) -> Self {
-        let mut words = 0;
-        if let Some(mut line) = Text::new(bytes, Path::new("")).record() {
-            let mut rest = line;
-            if rest.tail().contains(&b',') {
-                return Self::Euroc;
-            }
-            while words <= 12 && line.word().is_some() {
-                words += 1;
-            }
-        }
-        if words == 12 { Self::Kitti } else { Self::Tum }
+        columns::format(bytes)
+    }
+
+    /// As [`Self::of_bytes`], for a table (`.csv`): EuRoC's where the times do not say otherwise.
+    pub(super) fn of_table(bytes: &[u8]) -> Self {
+        columns::format_of_table(bytes)
     }
 
     /// Whether its files hold times.
@@ -110,9 +109,11 @@ impl Trajectory {
     ///
     /// # Errors
     /// With its line: the first field that is missing, malformed or not finite, a word too many, a
-    /// quaternion whose norm is off by more than 1e-3, a matrix that is no rigid motion.
+    /// quaternion whose norm is off by more than 1e-3, a matrix that is no rigid motion. And what shows
+    /// that the file has another format ([`IoError::OtherFormat`]), is compressed, or ends its lines in
+    /// CR alone.
     pub fn parse_as(bytes: &[u8], path: &Path, format: TrajectoryFormat) -> Result<Self, IoError> {
-        files::check_plain(bytes, path)?;
+        files::check_lines(bytes, path)?;
         match format {
             TrajectoryFormat::Tum => Self::parse(bytes, path),
             TrajectoryFormat::Kitti => kitti::parse(bytes, path),
@@ -120,22 +121,43 @@ impl Trajectory {
         }
     }
 
+    /// As [`Trajectory::parse_as`], where poses are needed.
+    ///
+    /// # Errors
+    /// Those of [`Trajectory::parse_as`], and [`IoError::Empty`] where the file holds no pose.
+    pub fn parse_poses_as(
+        bytes: &[u8],
+        path: &Path,
+        format: TrajectoryFormat,
+    ) -> Result<Self, IoError> {
+        let trajectory = Self::parse_as(bytes, path, format)?;
+        if !trajectory.is_empty() {
+            return Ok(trajectory);
+        }
+        let is_empty = bytes.trim_ascii().is_empty();
+        let what = if is_empty { "pose, the file is empty" } else { "pose, only comments" };
+        Err(IoError::Empty { path: path.to_owned(), what })
+    }
+
     /// Parses a TUM file's bytes; `path` names them in errors. A file without poses is an empty
     /// trajectory.
     ///
     /// # Errors
-    /// The first field that is missing, malformed or not finite, a ninth word, or a quaternion
-    /// whose norm is off by more than 1e-3, with its line.
+    /// With its line: the first field that is missing, malformed or not finite, a ninth word, or a
+    /// quaternion whose norm is off by more than 1e-3. And [`IoError::OtherFormat`] where a row is
+    /// KITTI's or the header names the quaternion's w first, compressed bytes, lines that end in CR
+    /// alone.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, IoError> {
+        files::check_lines(bytes, path)?;
+        columns::check_order(bytes, path, TrajectoryFormat::Tum)?;
+        let is_table = columns::is_table(bytes);
         let mut text = Text::new(bytes, path);
         let mut trajectory = Self::default();
-        while let Some(mut line) = text.record() {
-            let timestamp = line.number("timestamp")?;
-            let [x, y, z] = line.numbers("translation")?;
-            let quaternion = line.numbers("quaternion")?;
-            let rotation = rotation::from_xyzw(&quaternion, || line.location())?;
-            trajectory.push(timestamp, Se3::new(rotation, Vector3::new(x, y, z)));
-            line.end()?;
+        while let Some(line) = text.record() {
+            let line = line.separated(is_table);
+            let row = tum_row(line).map_err(|error| columns::not_tum(line).unwrap_or(error));
+            let (timestamp, pose) = row?;
+            trajectory.push(timestamp, pose);
         }
         Ok(trajectory)
     }
@@ -192,4 +214,14 @@ impl Trajectory {
             text.end_line();
         });
     }
+}
+
+/// Time and pose of a row of a TUM file.
+fn tum_row(mut line: Line<'_>) -> Result<(f64, Se3), IoError> {
+    let timestamp = line.number("timestamp")?;
+    let [x, y, z] = line.numbers("translation")?;
+    let quaternion = line.numbers("quaternion")?;
+    let rotation = rotation::from_xyzw(&quaternion, || line.location())?;
+    line.end()?;
+    Ok((timestamp, Se3::new(rotation, Vector3::new(x, y, z))))
 }
