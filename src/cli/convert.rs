@@ -117,7 +117,10 @@ fn numbers(input: &Input) -> &'static str {
     match input {
         Input::Trajectory(_) => "the numbers of rows (--times FILE gives others)",
         Input::Bundle(..) => "the names of images where these are numbers, else their numbers",
-        Input::PoseGraph(_) => "the ids of vertices",
+        Input::PoseGraph(graph) if ids_are_times(graph) => "the ids of vertices",
+        Input::PoseGraph(_) => {
+            "the numbers of vertices by rising id, since ids above 2^53 have no exact times"
+        }
     }
 }
 
@@ -232,7 +235,8 @@ fn picture(input: &Input) -> anyhow::Result<PlyFile> {
     Ok(file)
 }
 
-/// Poses of a graph by rising id, those of a plane at z = 0.
+/// Poses of a graph by rising id, those of a plane at z = 0. Times are the ids, or the numbers of the
+/// poses where ids are too large.
 fn graph_trajectory(graph: &G2oGraph) -> anyhow::Result<Trajectory> {
     ensure!(graph.has_vertices(), "the graph has edges only: `covis solve pose-graph` finds poses");
     let mut poses: Vec<(i64, Se3)> = match graph {
@@ -246,7 +250,18 @@ fn graph_trajectory(graph: &G2oGraph) -> anyhow::Result<Trajectory> {
         }
     };
     poses.sort_unstable_by_key(|(id, _)| *id);
-    Ok(joined(poses.into_iter().map(|(id, pose)| (id as f64, pose))))
+    let by_id = ids_are_times(graph);
+    let timed = poses.into_iter().enumerate();
+    Ok(joined(timed.map(|(k, (id, pose))| (if by_id { id as f64 } else { k as f64 }, pose))))
+}
+
+/// Whether each id is a number of seconds to the last digit.
+fn ids_are_times(graph: &G2oGraph) -> bool {
+    let is_exact = |id: i64| id.unsigned_abs() <= 1 << f64::MANTISSA_DIGITS;
+    match graph {
+        G2oGraph::Se2(file) => file.vertices.iter().all(|vertex| is_exact(vertex.id)),
+        G2oGraph::Se3(file) => file.vertices.iter().all(|vertex| is_exact(vertex.id)),
+    }
 }
 
 fn in_space(pose: &Se2) -> Se3 {

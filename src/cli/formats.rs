@@ -35,7 +35,7 @@ pub(super) fn of_trajectories() -> impl TypedValueParser<Value = TrajectoryForma
 
 /// Reads a trajectory in the given format, else in the one that its name or first line tells; says
 /// which.
-/// Fails for what cannot be read and for files of other contents.
+/// Fails for what cannot be read, for files of other contents and for those without poses.
 pub(super) fn read_trajectory(
     path: &Path,
     format: Option<TrajectoryFormat>,
@@ -52,7 +52,7 @@ pub(super) fn read_trajectory(
             )
         }
     };
-    Ok((Trajectory::parse_as(&bytes, path, format)?, format))
+    Ok((Trajectory::parse_poses_as(&bytes, path, format)?, format))
 }
 
 /// As [`read_trajectory`], where times are needed.
@@ -72,6 +72,10 @@ pub(super) fn read_timed(path: &Path) -> anyhow::Result<Trajectory> {
 /// An error of a file, with what the file looks like where that is something else than `wanted`, and the
 /// command that takes it.
 pub(super) fn with_kind(error: IoError, path: &Path, wanted: Content) -> anyhow::Error {
+    // These say by themselves what the file is.
+    if matches!(error, IoError::Compressed { .. } | IoError::LineEnds { .. }) {
+        return error.into();
+    }
     let told = fs::read(path).ok().map(|bytes| Format::of_file(path, &bytes));
     // What looks like nothing is called TUM's, which would be no help.
     let unsure = Format::Trajectory(TrajectoryFormat::Tum);

@@ -7,7 +7,7 @@ use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::FORMATS;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 
-use crate::cli_support::{Running, Workspace, golden, number};
+use crate::cli_support::{Running, Workspace, data, golden, number};
 
 const TRUTH: &str = "twins/walk-truth.txt";
 const ESTIMATE: &str = "twins/walk-estimate.txt";
@@ -33,7 +33,7 @@ fn a_trajectory_is_scored_alike_in_every_format() {
     let fused = workspace.run("fuse synthetic:static --poses a.kitti --out dense", &[]);
     fused.expect_failure(&["a.kitti", "holds no times"]);
     let forced = workspace.run("eval ape {} {} --format euroc", &[&folder, &estimate]);
-    forced.expect_failure(&["walk-truth.txt, line", "timestamp"]);
+    forced.expect_failure(&["walk-truth.txt, line", "looks like a TUM trajectory (tum)"]);
 }
 
 #[test]
@@ -101,6 +101,22 @@ fn a_pose_graph_becomes_a_trajectory_by_its_ids() {
     workspace
         .run("convert graph.g2o model --to bal", &[])
         .expect_failure(&["bal (images and points) is not made of g2o (pose graph)"]);
+}
+
+#[test]
+fn ids_that_are_no_exact_times_do_not_become_times() {
+    let workspace = Workspace::new();
+    // As GTSAM's keys x0 to x3.
+    let vertices = (0..4).map(|k| {
+        let id = 8_646_911_284_551_352_320_u64 + k;
+        format!("VERTEX_SE2 {id} {k} 0 0\n")
+    });
+    workspace.file("graph.g2o", &vertices.collect::<String>());
+    let told = workspace.json("convert graph.g2o path.txt --json", &[]);
+    assert!(told["times"].as_str().unwrap().starts_with("the numbers of vertices"), "{told}");
+    let path = Trajectory::read(&workspace.path("path.txt")).unwrap();
+    assert_eq!(path.timestamps, [0.0, 1.0, 2.0, 3.0]);
+    assert_eq!(path.world_from_body[3].translation.x, 3.0);
 }
 
 #[test]
@@ -175,4 +191,54 @@ fn docs_formats_has_the_list_of_formats() {
         .collect();
     let table: Vec<&str> = text.lines().filter(|line| line.starts_with("| `")).collect();
     assert_eq!(table[..rows.len()], rows, "docs/formats.md has another table");
+}
+
+#[test]
+fn commas_between_seconds_are_read_as_tums() {
+    let Some(truth) = data("cases/commas_truth.txt") else { return };
+    let Some(estimate) = data("cases/commas_estimate.txt") else { return };
+    let workspace = Workspace::new();
+    // evo, on the same numbers with blanks.
+    let check = |report: &serde_json::Value| {
+        let angle = number(&report["angle_deg"], "rmse");
+        assert!((angle - 1.001468).abs() < 1e-6, "{report}");
+    };
+    check(&workspace.json("eval ape {} {} --json", &[&truth, &estimate]));
+    for (name, path) in [("truth.csv", &truth), ("estimate.csv", &estimate)] {
+        fs_err::copy(path, workspace.path(name)).unwrap();
+    }
+    check(&workspace.json("eval ape truth.csv estimate.csv --json", &[]));
+    let told = workspace.json("convert truth.csv back.txt --json", &[]);
+    assert_eq!(told["from"], "tum");
+    check(&workspace.json("eval ape back.txt {} --json", &[&estimate]));
+    let limited = "eval ape {} {} --max-time-difference 0.0001";
+    workspace.run(limited, &[&truth, &estimate]).expect_failure(&["0.0001"]);
+}
+
+#[test]
+fn a_file_without_poses_is_told_by_what_is_wrong_with_it() {
+    let workspace = Workspace::new();
+    let truth = golden(TRUTH);
+    workspace.file("empty.txt", "");
+    workspace.file("comments.txt", "# timestamp tx ty tz qx qy qz qw\n");
+    workspace.file("cr.txt", "# t\r1.5 1 2 3 0 0 0 1\r");
+    workspace.file("rows.tum", "1 0 0 5 0 1 0 6 0 0 1 7\n");
+    for (name, parts) in [
+        ("empty.txt", ["empty.txt: there is no pose", "the file is empty"]),
+        ("comments.txt", ["comments.txt: there is no pose", "only comments"]),
+        ("cr.txt", ["cr.txt: the lines end in CR only", "LF"]),
+        ("rows.tum", ["rows.tum, line 1", "looks like KITTI odometry poses (kitti)"]),
+    ] {
+        workspace.run(&format!("eval ape {{}} {name}"), &[&truth]).expect_failure(&parts);
+        workspace.run(&format!("eval ape {name} {{}}"), &[&truth]).expect_failure(&parts);
+    }
+    // What gzip begins with, and a comma.
+    fs_err::write(workspace.path("problem.txt.gz"), b"\x1f\x8b\x08\x00,\n,,").unwrap();
+    for command in ["solve bundle", "solve pose-graph"] {
+        let run = workspace.run(&format!("{command} problem.txt.gz"), &[]);
+        run.expect_failure(&["problem.txt.gz: is compressed (gzip); `gunzip"]);
+        assert!(!run.stderr.contains("EuRoC"), "{}", run.stderr);
+    }
+    let run = workspace.run("eval ape problem.txt.gz {}", &[&truth]);
+    run.expect_failure(&["problem.txt.gz: is compressed (gzip)"]);
 }

@@ -447,3 +447,31 @@ fn wrong_usage_is_exit_code_2() {
     }
     assert_eq!(workspace.run("solve bundle --help", &[]).code, Some(0));
 }
+
+#[test]
+fn a_camera_of_a_colmap_model_has_the_parameters_of_its_own_model() {
+    for (name, optimum) in [("colmap_pinhole", 11.59872018), ("colmap_simple_pinhole", 10.97080636)]
+    {
+        let Some(path) = data(&format!("cases/{name}")) else { return };
+        let report = solve("bundle", &path, "", Loss::Trivial);
+        assert!(close(number(&report, "final_cost"), optimum, 1e-7), "{name}: {report}");
+        let held = solve("bundle", &path, "--fix-intrinsics", Loss::Trivial);
+        let workspace = Workspace::new();
+        let focal = "solve bundle {} --free-intrinsics focal-length --json --out focal";
+        let focal = workspace.json(focal, &[&path]);
+        assert_eq!(focal["free_intrinsics"], serde_json::json!(["focal-length"]));
+        let costs = [&report, &focal, &held].map(|report| number(report, "final_cost"));
+        assert!(costs.is_sorted() && costs[0] < costs[2], "{name}: {costs:?}");
+        let before = &ColmapModel::read(&path).unwrap().cameras[&1];
+        let after = &ColmapModel::read(&workspace.path("focal")).unwrap().cameras[&1];
+        assert_eq!(after.model, before.model);
+        let focal_lengths = if name == "colmap_pinhole" { 2 } else { 1 };
+        for (k, (before, after)) in before.parameters.iter().zip(&after.parameters).enumerate() {
+            assert_eq!(before == after, k >= focal_lengths, "{name}, parameter {k}");
+        }
+    }
+    let workspace = Workspace::new();
+    let both = "solve bundle model --fix-intrinsics --free-intrinsics distortion";
+    let run = workspace.run(both, &[]);
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+}

@@ -65,7 +65,8 @@ pub(in crate::cli) fn read_timed(path: &Path) -> anyhow::Result<Trajectory> {
 pub(in crate::cli) fn of_folder(folder: &Path) -> anyhow::Result<Option<Trajectory>> {
     let tum = folder.join(TUM_TRUTH);
     if tum.is_file() {
-        return Ok(Some(Trajectory::read(&tum)?));
+        let (truth, _) = read_trajectory(&tum, Some(TrajectoryFormat::Tum))?;
+        return Ok(Some(truth));
     }
     let files = seven_scenes::files(folder, &[seven_scenes::POSE])?;
     if files.is_empty() {

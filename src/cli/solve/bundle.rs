@@ -8,8 +8,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context;
+use clap::ValueEnum;
 use covis_solvers::bundle_adjustment::{self, LinearSolver};
 use covis_solvers::evaluation::{ObservationLengths, bundle_cost};
+use covis_solvers::geometry::ParameterKind;
 use covis_solvers::io::IoError;
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
@@ -43,6 +45,11 @@ pub(super) struct Args {
     /// Hold focal lengths, distortion and principal points fixed.
     #[arg(long)]
     fix_intrinsics: bool,
+    /// Which intrinsics are free, of those that the model of a camera has: a list with commas.
+    #[arg(long, value_name = "KINDS", value_enum, value_delimiter = ',')]
+    #[arg(conflicts_with = "fix_intrinsics")]
+    #[arg(default_value = "focal-length,principal-point,distortion")]
+    free_intrinsics: Vec<Intrinsics>,
     /// How the reduced camera system is stored and factored.
     #[arg(long, value_name = "SOLVER", value_parser = choice(SOLVERS), default_value = "auto")]
     linear_solver: LinearSolver,
@@ -55,6 +62,28 @@ pub(super) struct Args {
     rebuild: bool,
     #[command(flatten)]
     split: split::SplitArgs,
+}
+
+/// Intrinsics of one kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Intrinsics {
+    /// One focal length or two, as the model has.
+    FocalLength,
+    /// The principal point.
+    PrincipalPoint,
+    /// The coefficients of the distortion.
+    Distortion,
+}
+
+impl From<ParameterKind> for Intrinsics {
+    fn from(kind: ParameterKind) -> Self {
+        match kind {
+            ParameterKind::FocalLength => Self::FocalLength,
+            ParameterKind::PrincipalPoint => Self::PrincipalPoint,
+            ParameterKind::Distortion => Self::Distortion,
+        }
+    }
 }
 
 /// Observations that start behind their camera.
@@ -73,6 +102,7 @@ struct BundleDetails {
     format: &'static str,
     linear_solver: &'static str,
     fixed_intrinsics: bool,
+    free_intrinsics: Vec<Intrinsics>,
     poses: usize,
     cameras: usize,
     landmarks: usize,
@@ -95,7 +125,11 @@ impl Details for BundleDetails {
             "{} poses, {} cameras{}, {} landmarks, {} observations",
             self.poses,
             self.cameras,
-            if self.fixed_intrinsics { " (fixed)" } else { "" },
+            match self.free_intrinsics[..] {
+                [] => " (fixed)".to_owned(),
+                [_, _, _] => String::new(),
+                ref some => format!(" (free: {})", names_of(some)),
+            },
             self.landmarks,
             self.observations
         );
@@ -133,9 +167,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     let mut solved = source.to_problem().with_context(name)?;
     let problem = &mut solved.problem;
     problem.observation_loss = shared.loss;
-    if args.fix_intrinsics {
-        problem.constant_cameras.fill(true);
-    }
+    let free_intrinsics = free_intrinsics(args);
+    restrict(problem, &free_intrinsics);
     let rebuilt = if args.rebuild {
         let images = &solved.image_ids;
         let id = |pose: usize| images.get(pose).map_or(pose as u64, |&image| image.into());
@@ -176,6 +209,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
         format: source.format(),
         linear_solver: name_of(SOLVERS, &summary.linear_solver),
         fixed_intrinsics: args.fix_intrinsics,
+        free_intrinsics,
         poses: problem.poses.len(),
         cameras: problem.cameras.len(),
         landmarks: problem.landmarks.len(),
@@ -206,6 +240,33 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     report.finish(&outcome)?;
     shared.report.tell(shared.json)?;
     Ok(outcome.summary.termination)
+}
+
+/// The kinds of intrinsics that are free, each once.
+fn free_intrinsics(args: &Args) -> Vec<Intrinsics> {
+    let all = Intrinsics::value_variants().iter().copied();
+    all.filter(|kind| !args.fix_intrinsics && args.free_intrinsics.contains(kind)).collect()
+}
+
+fn names_of(kinds: &[Intrinsics]) -> String {
+    let names =
+        kinds.iter().filter_map(|kind| Some(kind.to_possible_value()?.get_name().to_owned()));
+    names.collect::<Vec<_>>().join(", ")
+}
+
+/// Holds the intrinsics of all other kinds.
+fn restrict(problem: &mut BundleProblem, free: &[Intrinsics]) {
+    match free {
+        [] => problem.constant_cameras.fill(true),
+        [_, _, _] => {}
+        some => {
+            for camera in 0..problem.cameras.len() {
+                let own = problem.free_parameters_of(camera);
+                let own = own.only(&problem.cameras[camera], |kind| some.contains(&kind.into()));
+                problem.set_free_parameters(camera, own);
+            }
+        }
+    }
 }
 
 /// What a page shows of a problem as it stands.

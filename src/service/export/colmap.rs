@@ -154,17 +154,28 @@ impl Numbers {
             return;
         };
         let mut point = ColmapPoint::new(position, LANDMARK_COLOR);
+        let mut error_sum_px = 0.0;
         for observer in &landmark.observers {
             let (Some(keyframe), Some(image)) =
                 (map.keyframes().get(observer), self.images.get(*observer))
             else {
                 continue;
             };
+            let camera = keyframe.camera.and_then(|camera| map.cameras().get(&camera));
+            let projected = camera.and_then(|entity| {
+                entity.camera.project(&keyframe.world_from_camera.inverse_transform(position))
+            });
             for (index, observation) in keyframe.observations.iter().enumerate() {
                 if observation.landmark == id {
                     point.track.push((image, self.keypoint(*observer, index)));
+                    error_sum_px +=
+                        projected.map_or(f64::NAN, |pixel| (pixel - observation.pixel).norm());
                 }
             }
+        }
+        let mean_px = error_sum_px / point.track.len() as f64;
+        if mean_px.is_finite() {
+            point.error = mean_px;
         }
         encoding.put_point(number.into(), &point, out);
     }

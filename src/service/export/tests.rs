@@ -116,7 +116,7 @@ fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
             .map(|(name, client)| {
                 let mut trajectory = Trajectory::default();
                 for (_, keyframe) in map.trajectory(client) {
-                    let seconds = keyframe.capture_time_ns as f64 * 1e-9;
+                    let seconds = seconds_of_nanoseconds(keyframe.capture_time_ns);
                     trajectory.push(seconds, keyframe.world_from_camera);
                 }
                 (format!("{name}.tum"), trajectory.to_bytes())

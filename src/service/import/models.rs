@@ -13,7 +13,7 @@ use covis_solvers::io::IoError;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapImage, ColmapModel};
 use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::io::natural_cmp;
-use covis_solvers::io::trajectory::Trajectory;
+use covis_solvers::io::trajectory::{Trajectory, nanoseconds_of_seconds};
 
 use super::File;
 use crate::map::{
@@ -31,8 +31,6 @@ const SIGMA_PX: f64 = 1.0;
 const IMAGE_STEP_NS: i64 = 1_000_000_000;
 /// Landmarks in one item.
 const LANDMARKS: usize = 4096;
-/// Nanoseconds in a second.
-const NANOSECONDS: f64 = 1e9;
 
 /// The map that the files hold, of client `client` where the format has no clients. Blocks.
 pub(super) fn build(
@@ -265,12 +263,9 @@ fn tum(building: &mut Building, files: &[File], client: &str) -> Result<(), Serv
         let poses = trajectory.timestamps.iter().zip(&trajectory.world_from_body);
         for (id, (&seconds, &pose)) in (0..).zip(poses) {
             let what = format!("{path}, pose {id}");
-            let time = (seconds * NANOSECONDS).round();
-            // The largest double below 2^63.
-            if time.abs() > 9.223_372_036_854_774e18 {
-                return Err(refused(format!("{what}: the time is past 64-bit nanoseconds")));
-            }
-            building.add(client, what, &keyframe(id, time as i64, pose))?;
+            let time_ns = nanoseconds_of_seconds(seconds)
+                .ok_or_else(|| refused(format!("{what}: the time is past 64-bit nanoseconds")))?;
+            building.add(client, what, &keyframe(id, time_ns, pose))?;
         }
     }
     Ok(())

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use covis_solvers::geometry::Se3;
-use covis_solvers::io::trajectory::Trajectory;
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde_json::json;
 use tokio::sync::mpsc;
 
@@ -276,7 +276,8 @@ pub(super) async fn evaluate(
             None => of_poses(given.iter().map(|(time, pose)| (*time, pose))),
             Some((path, _)) => {
                 let bytes = files.bytes(&uid, JobFile::Input(0)).map_err(JobError::from)?;
-                let parsed = Trajectory::parse(&bytes, Path::new(path));
+                let format = TrajectoryFormat::Tum;
+                let parsed = Trajectory::parse_poses_as(&bytes, Path::new(path), format);
                 parsed.map_err(|error| JobError::BadFile { text: error.to_string() })?
             }
         };
