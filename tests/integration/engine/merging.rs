@@ -314,9 +314,9 @@ async fn an_undo_waits_for_a_full_disk_and_a_crash_meanwhile_leaves_two_open_map
     // The store as it is now, under another server.
     let after = HeldStore::new();
     for name in ["floor", "run"] {
-        let snapshot = match store.memory.get_snapshot(name).await.unwrap() {
-            Some(map) => map,
-            None => floor.snapshot().await.unwrap(),
+        let snapshot = match name {
+            "floor" => floor.snapshot().await.unwrap(),
+            _ => store.memory.get_snapshot(name).await.unwrap().unwrap(),
         };
         after.memory.create_map(name, Some(snapshot)).await.unwrap();
     }
