@@ -46,12 +46,15 @@ impl Server {
         if let Some(file) = config {
             command.arg("--config").arg(file);
         }
-        let mut process = command.spawn()?;
-        let output = process.stdout.take().context("the server's output")?;
+        let process = command.spawn()?;
+        // From here on the process ends with the value, also where an error is returned.
+        let mut server = Self { process, log, url: String::new() };
+        let output = server.process.stdout.take().context("the server's output")?;
         let mut line = String::new();
         BufReader::new(output).read_line(&mut line)?;
         let url = line.trim().strip_prefix("listening on ").context("the server's address")?;
-        Ok(Self { url: url.to_owned(), process, log })
+        url.clone_into(&mut server.url);
+        Ok(server)
     }
 
     /// A new connection of one of the callers.

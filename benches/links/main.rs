@@ -228,12 +228,15 @@ impl Server {
     fn start(mut command: Command, listen: &str, folder: &Path) -> anyhow::Result<Self> {
         command.args(["--log", "error", "serve", "--insecure-plain-text", "--listen", listen]);
         command.arg("--data-dir").arg(folder.join("maps"));
-        let mut process = command.stdout(Stdio::piped()).spawn()?;
-        let output = process.stdout.take().context("the server's output")?;
+        let process = command.stdout(Stdio::piped()).spawn()?;
+        // From here on the process ends with the value, also where an error is returned.
+        let mut server = Self { process, url: String::new() };
+        let output = server.process.stdout.take().context("the server's output")?;
         let mut line = String::new();
         BufReader::new(output).read_line(&mut line)?;
         let url = line.trim().strip_prefix("listening on ").context("the server's address")?;
-        Ok(Self { url: url.to_owned(), process })
+        url.clone_into(&mut server.url);
+        Ok(server)
     }
 }
 

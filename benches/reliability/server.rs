@@ -19,16 +19,19 @@ pub(crate) struct Server {
 impl Server {
     /// Starts a server over `data` and waits until it serves.
     pub(crate) fn start(data: &Path) -> anyhow::Result<Self> {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_covis"))
+        let process = Command::new(env!("CARGO_BIN_EXE_covis"))
             .args(["serve", "--listen", "127.0.0.1:0", "--data-dir"])
             .arg(data)
             .stdout(Stdio::piped())
             .spawn()?;
-        let output = process.stdout.take().context("the server's output")?;
+        // From here on the process ends with the value, also where an error is returned.
+        let mut server = Self { process, url: String::new() };
+        let output = server.process.stdout.take().context("the server's output")?;
         let mut line = String::new();
         BufReader::new(output).read_line(&mut line)?;
         let url = line.trim().strip_prefix("listening on ").context("the server's address")?;
-        Ok(Self { url: url.to_owned(), process })
+        url.clone_into(&mut server.url);
+        Ok(server)
     }
 
     /// Resident memory in bytes.

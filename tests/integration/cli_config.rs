@@ -4,11 +4,14 @@
 //! tests see which source won.
 
 use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
 use crate::cli_support::{Ran, Workspace, golden};
+use crate::process::Process;
+#[cfg(unix)]
+use crate::process::Signal;
 
 /// Solves a small problem in `workspace` and returns the run.
 fn solve(workspace: &Workspace, flags: &[&str], variables: &[(&str, &str)]) -> Ran {
@@ -80,29 +83,18 @@ fn a_reader_that_leaves_early_is_no_failure() {
     let workspace = Workspace::new();
     let mut command = workspace.command();
     command.args(["solve", "bundle"]).arg(golden("twins/window-6-80.txt"));
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
     // The pipe's only reader goes away at once; most lines find nobody.
     drop(child.stdout.take());
-    let ran = Ran::of(child.wait_with_output().unwrap());
+    let ran = Ran::of(child.output());
     assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
 }
 
-/// Ends the server if a test ends early.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// Starts a server and reads the address that it tells.
-fn serve(command: &mut Command) -> (Running, String) {
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-    let mut running = Running(child);
+fn serve(command: &mut Command) -> (Process, String) {
+    let mut running = Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::null()));
     let mut line = String::new();
-    BufReader::new(running.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    BufReader::new(running.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let address = line.trim().strip_prefix("listening on http://");
     let address = address.unwrap_or_else(|| panic!("`{line}`")).to_owned();
     (running, address)
@@ -123,12 +115,11 @@ fn serve_tells_its_address_and_takes_connections() {
 #[cfg(unix)]
 #[test]
 fn both_signals_end_the_server_with_success() {
-    for signal in ["TERM", "INT"] {
+    for signal in [Signal::TERM, Signal::INT] {
         let workspace = Workspace::new();
         let (mut running, _) =
             serve(workspace.command().args(["serve", "--in-memory", "--listen", "127.0.0.1:0"]));
-        let id = running.0.id().to_string();
-        assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
-        assert_eq!(running.0.wait().unwrap().code(), Some(0), "{signal}");
+        running.signal(signal);
+        assert_eq!(running.wait().unwrap().code(), Some(0), "{signal:?}");
     }
 }

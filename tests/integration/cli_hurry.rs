@@ -7,6 +7,8 @@ use std::process::{Command, Stdio};
 use covis_solvers::testing::skip;
 
 use crate::cli_support::{Ran, Running, Workspace, golden};
+#[cfg(unix)]
+use crate::process::{Process, Signal};
 
 const WINDOW: &str = "twins/window-6-80.txt";
 
@@ -185,7 +187,7 @@ fn waiting_for_a_job_can_be_interrupted_and_the_job_goes_on() {
     let mut command = workspace.command();
     command.args(["job", "submit", "solve", "--id", "long", "--wait", "--server", &server.url]);
     command.arg("--file").arg(&problems).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let child = command.spawn().unwrap();
+    let child = Process::spawn(&mut command);
     let state = || {
         let ran = workspace.run(&format!("job list --json {on}"), &[]);
         let jobs: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
@@ -194,9 +196,8 @@ fn waiting_for_a_job_can_be_interrupted_and_the_job_goes_on() {
     while state().is_none() {
         std::thread::yield_now();
     }
-    let id = child.id().to_string();
-    assert!(Command::new("kill").args(["-s", "INT", &id]).status().unwrap().success());
-    let ran = Ran::of(child.wait_with_output().unwrap());
+    child.signal(Signal::INT);
+    let ran = Ran::of(child.output());
     if ran.code == Some(0) {
         skip("the job ended before the interrupt");
         return;

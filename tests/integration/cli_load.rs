@@ -1,9 +1,12 @@
 //! `covis load`: what it measures, and that it leaves nothing behind.
 
 use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use crate::cli_support::{Ran, Running, Workspace, number};
+use crate::process::Process;
+#[cfg(unix)]
+use crate::process::Signal;
 
 fn maps(workspace: &Workspace, server: &Running) -> Vec<String> {
     let maps = workspace.json(&format!("map list --json --server {}", server.url), &[]);
@@ -37,7 +40,7 @@ fn a_server_in_memory_is_loaded_without_durable_acks() {
     let workspace = Workspace::new();
     let mut command = workspace.command();
     command.args(["serve", "--listen", "127.0.0.1:0", "--in-memory", "--threads", "1"]);
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut child = Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::null()));
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let url = line.trim().strip_prefix("listening on ").unwrap();
@@ -45,8 +48,6 @@ fn a_server_in_memory_is_loaded_without_durable_acks() {
         &format!("load --maps 1 --rate 20 --seconds 0.2 --observations 60 --server {url}"),
         &[],
     );
-    child.kill().unwrap();
-    child.wait().unwrap();
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     let durable = ran.stdout.lines().find(|line| line.contains("DURABLE")).unwrap();
     assert!(durable.split_whitespace().skip(3).eq(["0", "-", "-", "-"]), "{durable}");
@@ -61,14 +62,13 @@ fn an_interrupted_load_deletes_its_maps() {
     let arguments =
         ["--log", "warn", "load", "--maps", "2", "--rate", "5", "--seconds", "600", "--server"];
     command.args(arguments).arg(&server.url).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let child = command.spawn().unwrap();
+    let child = Process::spawn(&mut command);
     // Both maps are there once it sends.
     while maps(&workspace, &server).len() < 2 {
         std::thread::yield_now();
     }
-    let id = child.id().to_string();
-    assert!(Command::new("kill").args(["-s", "INT", &id]).status().unwrap().success());
-    let ran = Ran::of(child.wait_with_output().unwrap());
+    child.signal(Signal::INT);
+    let ran = Ran::of(child.output());
     ran.expect_failure(&["interrupt", "the maps of the load are deleted"]);
     assert!(maps(&workspace, &server).is_empty());
 }

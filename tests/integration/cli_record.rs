@@ -12,6 +12,7 @@ use nalgebra::Vector3;
 use protox::prost_reflect::{DescriptorPool, DynamicMessage, Value};
 
 use crate::cli_support::{Running, Workspace, golden, number};
+use crate::process::{Process, Signal};
 
 /// A message of a recording.
 struct Recorded {
@@ -249,6 +250,7 @@ fn a_run_that_fuses_a_surface_records_it_as_it_is_in_the_file() {
     assert_eq!(Some(meshes[0].time_ns), last_ns);
 }
 
+#[cfg(unix)]
 #[test]
 fn a_recording_that_follows_ends_complete_on_a_signal_and_readable_where_it_was_killed() {
     let workspace = Workspace::new();
@@ -264,9 +266,9 @@ fn a_recording_that_follows_ends_complete_on_a_signal_and_readable_where_it_was_
     let follow = || {
         let mut command = workspace.command();
         command.args(["record", "sphere", "-", "--follow", "--every", "0", "--server", url]);
-        command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap()
+        Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::null()))
     };
-    for signal in ["INT", "KILL"] {
+    for signal in [Signal::INT, Signal::KILL] {
         let mut recording = follow();
         let mut out = recording.stdout.take().unwrap();
         let mut bytes = Vec::new();
@@ -281,14 +283,12 @@ fn a_recording_that_follows_ends_complete_on_a_signal_and_readable_where_it_was_
             assert!(count > 0, "the recording ended by itself");
             bytes.extend(&buffer[..count]);
         }
-        let id = recording.id().to_string();
-        let killed = std::process::Command::new("kill").args(["-s", signal, &id]).status().unwrap();
-        assert!(killed.success());
+        recording.signal(signal);
         out.read_to_end(&mut bytes).unwrap();
         let status = recording.wait().unwrap();
         assert_eq!(whole(&bytes), once);
         let summary = mcap::Summary::read(&bytes);
-        if signal == "INT" {
+        if signal == Signal::INT {
             assert!(status.success());
             assert!(summary.unwrap().is_some(), "no footer");
         } else {

@@ -3,12 +3,14 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use fs_err as fs;
 use serde_json::Value;
 
 use crate::cli_support::{Ran, Running, Workspace, number};
+#[cfg(unix)]
+use crate::process::{Process, Signal};
 
 /// Draws `frames` frames of people who walk into the folder `name`.
 fn walking(workspace: &Workspace, name: &str, frames: usize) -> PathBuf {
@@ -92,14 +94,13 @@ fn a_run_that_is_interrupted_writes_what_there_is() {
     let workspace = Workspace::new();
     let mut command = workspace.command();
     command.args(["run", "synthetic:walking", "--frames", "1000", "--out", "out", "--map", "cut"]);
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
     // A line after a tenth of the frames, where there is no terminal.
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
     assert!(lines.by_ref().any(|line| line.unwrap().contains("frames: 100 of 1000")));
-    let id = child.id().to_string();
-    assert!(Command::new("kill").args(["-s", "INT", &id]).status().unwrap().success());
+    child.signal(Signal::INT);
     let stderr: Vec<String> = lines.map(Result::unwrap).collect();
-    let ran = Ran::of(child.wait_with_output().unwrap());
+    let ran = Ran::of(child.output());
     assert_eq!(ran.code, Some(130), "{stderr:?}");
     assert!(stderr.iter().any(|line| line.contains("interrupt: the run ends")), "{stderr:?}");
     assert!(ran.stdout.contains("Ended early, by interrupt"), "{}", ran.stdout);

@@ -2,12 +2,12 @@
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use covis_solvers::testing::skip;
 use serde_json::Value;
 
 use crate::cli_support::{Workspace, close, data, golden, number};
+use crate::process::{self, Process, Signal};
 
 /// What a pipe of Linux takes until somebody reads.
 const PIPE_BYTES: usize = 1 << 16;
@@ -59,15 +59,12 @@ fn a_worker_that_is_killed_is_started_anew_and_the_file_is_the_same() {
     // A pipe with room for a few lines: the solve waits in its first steps until somebody reads.
     let (mut output, mut full) = std::io::pipe().unwrap();
     full.write_all(&vec![b'\n'; PIPE_BYTES - 400]).unwrap();
-    let mut child = workspace
-        .command()
-        .args(["solve", "bundle"])
-        .arg(&input)
-        .args(["--max-iterations", "20", "--blocks", "4", "--workers", "2", "--out"])
-        .arg(&disturbed)
-        .stdout(full)
-        .spawn()
-        .unwrap();
+    let mut command = workspace.command();
+    command.args(["solve", "bundle"]).arg(&input);
+    command.args(["--max-iterations", "20", "--blocks", "4", "--workers", "2", "--out"]);
+    let mut child = Process::spawn(command.arg(&disturbed).stdout(full));
+    // Its copy of the pipe's end would keep the reader waiting.
+    drop(command);
     let workers = loop {
         let workers = children(child.id());
         if workers.len() == 2 {
@@ -76,8 +73,7 @@ fn a_worker_that_is_killed_is_started_anew_and_the_file_is_the_same() {
         assert!(child.try_wait().unwrap().is_none(), "it ended without two workers");
         std::thread::yield_now();
     };
-    let killed = Command::new("kill").args(["-KILL", &workers[1].to_string()]).status().unwrap();
-    assert!(killed.success());
+    process::send(workers[1], Signal::KILL);
     let mut told = String::new();
     output.read_to_string(&mut told).unwrap();
     assert!(child.wait().unwrap().success());

@@ -5,12 +5,14 @@
 
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
 use serde_json::Value;
 use tempfile::TempDir;
 use tokio::net::TcpSocket;
+
+use crate::process::Process;
 
 /// A folder of its own for one test, gone at the end.
 pub(crate) struct Workspace {
@@ -130,7 +132,7 @@ impl Port {
 
 /// A server of its own process, with its maps in a folder.
 pub(crate) struct Running {
-    pub(crate) child: Child,
+    pub(crate) child: Process,
     pub(crate) url: String,
     pub(crate) port: Port,
 }
@@ -163,7 +165,7 @@ impl Running {
         command.arg(folder).args(arguments);
         let mut log = tempfile::tempfile().unwrap();
         command.stdout(Stdio::piped()).stderr(log.try_clone().unwrap());
-        let mut child = command.spawn().unwrap();
+        let mut child = Process::spawn(&mut command);
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let Some(line) = lines.next() else {
             let mut why = String::new();
@@ -180,22 +182,13 @@ impl Running {
     /// SIGTERM: drained, and the exit code.
     #[cfg(unix)]
     pub(crate) fn terminate(&mut self) -> Option<i32> {
-        let id = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
+        self.child.signal(crate::process::Signal::TERM);
         self.child.wait().unwrap().code()
     }
 
     /// SIGKILL: no handler runs.
     pub(crate) fn kill(&mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.child.end();
     }
 }
 

@@ -27,6 +27,8 @@ use self::streams::{messages, prove_one_writer};
 use crate::cli_support::{Ran, Running, Workspace};
 use crate::common::{camera, run};
 use crate::durable::long_keyframe;
+#[cfg(unix)]
+use crate::process::Signal;
 use crate::proxy::Proxy;
 
 /// How often a scenario that kills is played.
@@ -322,18 +324,13 @@ fn an_owner_that_is_paused_past_its_lease_never_writes_again() {
     let workspace = Workspace::new();
     let first = nats.covis(&workspace, "a");
     let second = nats.covis(&workspace, "b");
-    let signal = |name: &str| {
-        let id = first.child.id().to_string();
-        let sent = std::process::Command::new("kill").args(["-s", name, &id]).status().unwrap();
-        assert!(sent.success());
-    };
     run(async {
         let mut robot = Robot::new(&first.url).await;
         let last = robot.send(10).await;
         robot.reach(last).await;
         // Paused with work in its queues.
         robot.send(10).await;
-        signal("STOP");
+        first.child.signal(Signal::STOP);
         // Another robot brings the map to the second server.
         // It is led to the paused one first, until the lease is over.
         let usual = Duration::from_secs(1);
@@ -350,7 +347,7 @@ fn an_owner_that_is_paused_past_its_lease_never_writes_again() {
         let kept = Client::connect(&second.url).await.unwrap();
         let kept = kept.trajectory("house", Some("robot")).await.unwrap().poses.len();
         assert!(i64::try_from(kept).unwrap() >= acknowledged - 1, "{kept} of {acknowledged}");
-        signal("CONT");
+        first.child.signal(Signal::CONT);
         // The first robot is led to the second server, and what was not acknowledged comes again.
         let last = robot.send(1).await;
         robot.reach(last).await;

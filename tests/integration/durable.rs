@@ -17,6 +17,8 @@ use v1::ingest_request::Item;
 
 use crate::cli_support::{Running, Workspace};
 use crate::common::{Stream, TestServer, camera, keyframe, run};
+#[cfg(unix)]
+use crate::process::Signal;
 
 /// The map of a data directory that no server uses, replayed twice.
 pub(crate) async fn on_disk(folder: &Path, name: &str) -> Map {
@@ -253,10 +255,9 @@ fn drain_with_budget(seconds: &str) {
             }
         });
         let mut session = client.ingest("house", "robot", options).await.unwrap();
-        let id = server.child.id().to_string();
         let terminating = async {
             enough.notified().await;
-            assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
+            server.child.signal(Signal::TERM);
         };
         let sending = async {
             session.send(camera(0)).await.unwrap();

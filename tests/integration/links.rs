@@ -17,6 +17,7 @@ use tonic::Code;
 
 use crate::cli_support::{Ran, Running, Workspace, golden};
 use crate::common::{TestServer, camera, keyframe, occupy, run};
+use crate::process::Process;
 use crate::proxy::Proxy;
 
 /// Long enough for a busy machine, short enough for a test.
@@ -170,14 +171,14 @@ fn a_replay_waits_for_a_server_that_is_not_there_yet() {
     command.args(["--log", "off,covis_client::retry=debug", "replay"]);
     command.arg(golden("twins/window-6-80.txt"));
     command.args(["--server", &server.url, "--map", "twin", "--reconnect-for", "60"]);
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
     let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
     let tried = log.find_map(|line| line.ok().filter(|line| line.contains("trying again")));
     assert!(tried.unwrap().contains("no server answers"));
     let _server = server.again(&workspace, &folder);
     // What else it says must not fill the pipe.
     std::thread::spawn(move || log.count());
-    let ran = Ran::of(child.wait_with_output().unwrap());
+    let ran = Ran::of(child.output());
     assert_eq!(ran.code, Some(0), "{}", ran.stdout);
 }
 

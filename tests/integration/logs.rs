@@ -2,7 +2,7 @@
 //! and never a secret, whatever the level.
 
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::JoinHandle;
 
 use covis::client::{Client, Credentials, SessionOptions, Token};
@@ -14,12 +14,15 @@ use covis::wire::v1;
 
 use crate::cli_support::Workspace;
 use crate::common::{camera, keyframe, run};
+use crate::process::Process;
+#[cfg(unix)]
+use crate::process::Signal;
 use crate::rpc_access::tokens_toml;
 use crate::tls::Authority;
 
 /// A server whose log is read to its end, however much it is.
 struct Logged {
-    child: Child,
+    child: Process,
     /// What it told on standard output.
     told: Vec<String>,
     log: Option<JoinHandle<String>>,
@@ -27,7 +30,7 @@ struct Logged {
 
 impl Logged {
     fn start(mut command: Command, lines: usize) -> Self {
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child = Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
         let mut stderr = child.stderr.take().unwrap();
         let log = std::thread::spawn(move || {
             let mut log = String::new();
@@ -45,17 +48,9 @@ impl Logged {
 
     /// Ends the server and returns its log.
     fn end(mut self) -> String {
-        let id = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
+        self.child.signal(Signal::TERM);
         assert_eq!(self.child.wait().unwrap().code(), Some(0));
         self.log.take().unwrap().join().unwrap()
-    }
-}
-
-impl Drop for Logged {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -103,8 +98,7 @@ fn at_the_lowest_level_json_lines_tell_of_maps_and_solves_and_of_no_secret() {
         let stranger = Client::connect_with(server.url(), &known("secret-of-nobody")).await;
         stranger.unwrap().list_maps().await.unwrap_err();
     });
-    let id = server.child.id().to_string();
-    assert!(Command::new("kill").args(["-HUP", &id]).status().unwrap().success());
+    server.child.signal(Signal::HUP);
     let log = server.end();
 
     let objects = objects(&log);

@@ -69,6 +69,7 @@ mod metrics;
 mod page;
 #[cfg(target_os = "linux")]
 mod power;
+mod process;
 mod proto_compat;
 mod proxy;
 mod reference;

@@ -2,24 +2,27 @@
 //! it was told to, and says how far it came. Real binaries on both sides.
 
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Stdio;
 
 use covis::client::{Client, WatchOptions};
 use serde_json::Value;
 
 use crate::cli_support::{Ran, Running, Workspace, golden};
 use crate::common::run;
+use crate::process::Process;
+#[cfg(unix)]
+use crate::process::Signal;
 
 /// Starts a replay of six keyframes onto the map "twin".
-fn replay(workspace: &Workspace, url: &str, more: &[&str]) -> Child {
+fn replay(workspace: &Workspace, url: &str, more: &[&str]) -> Process {
     let mut command = workspace.command();
     command.args(["--log", "error", "replay"]).arg(golden("twins/window-6-80.txt"));
     command.args(["--server", url, "--map", "twin", "--json"]).args(more);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::piped()))
 }
 
-fn ended(child: Child) -> Ran {
-    Ran::of(child.wait_with_output().unwrap())
+fn ended(child: Process) -> Ran {
+    Ran::of(child.output())
 }
 
 /// Waits until the map holds so many keyframes durably.
@@ -133,8 +136,7 @@ fn a_replay_that_is_terminated_says_how_far_it_came() {
     let server = Running::start(&workspace, &workspace.path("maps"));
     let child = replay(&workspace, &server.url, &["--rate", "0.01"]);
     hold(&server.url, 1);
-    let id = child.id().to_string();
-    assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
+    child.signal(Signal::TERM);
     let ran = ended(child);
     assert_eq!((ran.code, ran.stderr.as_str()), (Some(1), "error: SIGTERM\n"));
     let json: Value = serde_json::from_str(&ran.stdout).unwrap();

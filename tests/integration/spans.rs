@@ -2,7 +2,6 @@
 //! span of a call under the caller's own, and the spans of what the call led to.
 
 use std::collections::BTreeMap;
-use std::process::Command;
 
 use prost::Message;
 use tokio::net::TcpListener;
@@ -139,9 +138,7 @@ fn a_collector_gets_the_span_of_a_call_under_the_callers_own() {
         let mut answers = answers.into_inner();
         while answers.message().await.unwrap().is_some() {}
         // What is left is sent when the server ends.
-        let id = server.child.id().to_string();
-        assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
-        let ended = tokio::task::spawn_blocking(move || server.child.wait().unwrap().code());
+        let ended = tokio::task::spawn_blocking(move || server.terminate());
         assert_eq!(ended.await.unwrap(), Some(0));
 
         let mut by_name: BTreeMap<String, Vec<Span>> = BTreeMap::new();

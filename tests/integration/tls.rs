@@ -3,7 +3,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
-use std::process::{Child, ChildStderr, Command, Stdio};
+use std::process::{ChildStderr, Command, Stdio};
 
 use covis::client::{Client, ClientError, Credentials, Token};
 use covis::service::{RunningServer, Server, ServerConfig, ServerError, TlsFiles};
@@ -13,6 +13,9 @@ use tokio::net::TcpListener;
 
 use crate::cli_support::{Ran, Workspace};
 use crate::common::run;
+use crate::process::Process;
+#[cfg(unix)]
+use crate::process::Signal;
 use crate::rpc_access::tokens_toml;
 
 /// Signs certificates.
@@ -169,14 +172,14 @@ fn plain_text_leaves_loopback_only_by_name() {
 
 /// `covis serve` with TLS, mutual TLS and tokens.
 struct Served {
-    child: Child,
+    child: Process,
     log: BufReader<ChildStderr>,
     url: String,
 }
 
 impl Served {
     fn start(mut command: Command) -> Self {
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child = Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
         let log = BufReader::new(child.stderr.take().unwrap());
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
@@ -191,13 +194,6 @@ impl Served {
             assert_ne!(self.log.read_line(&mut log).unwrap(), 0, "`{part}` in `{log}`");
         }
         log
-    }
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -255,8 +251,7 @@ fn the_command_line_serves_and_calls_with_certificates_and_tokens() {
 
     // The token is taken from the robot while the server runs.
     workspace.file("tokens.toml", &tokens_toml(&[("other", "acme", "admin")]));
-    let pid = served.child.id().to_string();
-    assert!(Command::new("kill").args(["-HUP", &pid]).status().unwrap().success());
+    served.child.signal(Signal::HUP);
     served.log_until("read again");
     let refused = {
         let mut command = workspace.command();

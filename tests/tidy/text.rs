@@ -77,6 +77,22 @@ fn tests_are_all_run() {
 }
 
 #[test]
+fn tests_start_processes_by_the_guard_and_need_no_program_for_signals() {
+    let guard = "tests/integration/process.rs";
+    let mut offenders = Vec::new();
+    for file in rust_files().iter().filter(|f| f.path.contains("tests/")) {
+        for (number, line) in file.text.lines().enumerate() {
+            // A `Command` is the only thing that is spawned without an argument.
+            let spawns = line.contains(".spawn()") && file.path != guard;
+            if !is_tidy(file) && (spawns || line.contains("Command::new(\"kill\")")) {
+                offenders.push(format!("{}:{}: {}", file.path, number + 1, line.trim()));
+            }
+        }
+    }
+    report("Tests start processes by `Process`, which ends them with the test.", &offenders);
+}
+
+#[test]
 fn nothing_names_a_machine() {
     let registries = ["crates", "pypi", "npmjs", "rubygems", "pythonhosted"];
     let hosts: Vec<String> = registries

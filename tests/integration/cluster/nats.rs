@@ -2,11 +2,12 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use covis_solvers::testing::skip;
 
 use crate::cli_support::{Port, Running, Workspace};
+use crate::process::Process;
 
 /// The program of NATS, or why there is none.
 fn program() -> Result<PathBuf, String> {
@@ -30,14 +31,14 @@ pub(super) struct Node {
     monitoring: Port,
     /// Where the others reach it.
     _cluster: Port,
-    process: Option<Child>,
+    process: Option<Process>,
 }
 
 impl Node {
     fn start(&mut self, program: &Path) {
         let mut command = Command::new(program);
         command.arg("-c").arg(&self.config).stdout(Stdio::null()).stderr(Stdio::piped());
-        let mut process = command.spawn().unwrap();
+        let mut process = Process::spawn(&mut command);
         let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
         let mut said = Vec::new();
         while said.last().is_none_or(|line: &String| !line.contains("Server is ready")) {
@@ -50,19 +51,8 @@ impl Node {
     }
 
     fn kill(&mut self) {
-        if let Some(mut process) = self.process.take() {
-            process.kill().unwrap();
-            process.wait().unwrap();
-        }
-    }
-}
-
-impl Drop for Node {
-    fn drop(&mut self) {
-        if let Some(mut process) = self.process.take() {
-            let _ = process.kill();
-            let _ = process.wait();
-        }
+        // Dropping it kills it.
+        self.process = None;
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use covis::client::Client;
@@ -19,9 +19,12 @@ use super::rounds;
 use crate::cli_support::{Ran, Running, Workspace, golden};
 use crate::common::run;
 use crate::job_support::{BUNDLE, GRAPH, twin};
+use crate::process::Process;
+#[cfg(unix)]
+use crate::process::Signal;
 
 /// A worker of its own process.
-struct Worker(Child);
+struct Worker(Process);
 
 impl Worker {
     /// A worker with one thread, and where its log goes; `fault` is one that it commits.
@@ -31,29 +34,19 @@ impl Worker {
         command.args(["--nats-monitoring", &nats.monitoring(), "--nats-replicas", "1"]);
         command.args(["--log-format", "json"]);
         command.env("COVIS_TEST_FAULT", fault).stdout(Stdio::piped()).stderr(log);
-        let mut child = command.spawn().unwrap();
+        let mut child = Process::spawn(&mut command);
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         assert_eq!(lines.next().unwrap().unwrap(), "waiting for tasks, with 1 threads");
         Self(child)
     }
 
     fn kill(mut self) {
-        self.0.kill().unwrap();
-        self.0.wait().unwrap();
+        self.0.end();
     }
 
     #[cfg(unix)]
-    fn signal(&self, name: &str) {
-        let id = self.0.id().to_string();
-        let sent = std::process::Command::new("kill").args(["-s", name, &id]).status().unwrap();
-        assert!(sent.success());
-    }
-}
-
-impl Drop for Worker {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+    fn signal(&self, signal: Signal) {
+        self.0.signal(signal);
     }
 }
 
@@ -249,12 +242,12 @@ fn a_worker_that_is_paused_past_its_lease_loses_its_task_and_takes_the_next_one(
         let client = scene.client().await;
         let paused = scene.worker("hold-checkpoint");
         scene.submit_held(&client, "first").await;
-        paused.signal("STOP");
+        paused.signal(Signal::STOP);
         let other = scene.worker("");
         let job = client.watch_job("first", |_| {}).await.unwrap();
         assert_eq!(job.state(), JobState::Succeeded, "{job:?}");
         scene.check_same("first", &undisturbed);
-        paused.signal("CONT");
+        paused.signal(Signal::CONT);
         other.kill();
         // It holds its first task until it learns that it is its own no more.
         scene.submit_held(&client, "second").await;
