@@ -1,7 +1,8 @@
 //! The reference benchmark's Python (`benches/reference`) against covis: scenes, costs, the report.
 //!
 //! The Python is numpy's and shares no code with covis, so that a cost on which both agree is right.
-//! Where python3 or numpy is absent a test says so and returns.
+//! `COVIS_TEST_PYTHON` names an interpreter, `python3` is the default. Where it or numpy is absent a test
+//! says so and returns.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -13,10 +14,12 @@ use serde_json::Value;
 
 use crate::cli_support::{Ran, Workspace, close, number};
 
-/// Runs a script of `benches/reference` in `folder`; `None`, and a line, without python3 and numpy.
+/// Runs a script of `benches/reference` in `folder`; `None`, and a line, without Python and numpy.
 fn script(name: &str, folder: &Path, arguments: &[&str]) -> Option<Ran> {
+    let named = std::env::var_os("COVIS_TEST_PYTHON");
+    let interpreter = named.unwrap_or_else(|| "python3".into());
     let python = |first: &[&str], rest: &[&str]| -> std::io::Result<Output> {
-        let mut command = Command::new("python3");
+        let mut command = Command::new(&interpreter);
         for (name, _) in std::env::vars_os() {
             if name.to_string_lossy().starts_with("COVIS_") {
                 command.env_remove(name);
@@ -25,7 +28,7 @@ fn script(name: &str, folder: &Path, arguments: &[&str]) -> Option<Ran> {
         command.args(first).args(rest).current_dir(folder).output()
     };
     if !python(&["-c", "import numpy"], &[]).is_ok_and(|found| found.status.success()) {
-        skip(&format!("no python3 with numpy ({name})"));
+        skip(&format!("no {} with numpy ({name})", interpreter.display()));
         return None;
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/reference").join(name);
