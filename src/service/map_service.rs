@@ -13,11 +13,12 @@ use super::context::{Answers, Context, Messages, Rpcs};
 use super::convert::map::{display_name, policy, to_map};
 use super::convert::{Path, convert, ids, merge, update};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
-use super::engine::{Estimate, MapHandle, PoolError, Resource};
+use super::engine::{EngineError, Estimate, MapHandle, PoolError, Resource};
 use super::error::ServiceError;
 use super::watch::{Resolution, WatcherOptions};
 use super::{export, import, listing, watch};
 use crate::map::{Map, Reason};
+use crate::store::StoreError;
 use crate::wire::v1;
 use v1::export_map_response::Content;
 use v1::map_service_server::MapService;
@@ -70,8 +71,11 @@ impl Rpcs {
         for handle in handles {
             match handle.listed().await {
                 Ok(info) => maps.push(to_map(&info, queued)),
-                // The map was deleted after the list was made.
-                Err(super::engine::EngineError::MapNotFound { .. }) => {}
+                // The map was deleted after the list was made, or another server may have it.
+                Err(
+                    EngineError::MapNotFound { .. }
+                    | EngineError::Store(StoreError::OwnedElsewhere { .. }),
+                ) => {}
                 Err(error) => return Err(error.into()),
             }
         }

@@ -108,6 +108,13 @@ pub struct Flushed {
 }
 
 impl Flushed {
+    /// Where another server may have the map: this one has no lease for now, and may go on with the map
+    /// later.
+    pub fn lapsed(&self) -> Option<&StoreError> {
+        let is_lapse = |error: &&StoreError| matches!(error, StoreError::OwnedElsewhere { .. });
+        self.unavailable.as_ref().filter(is_lapse)
+    }
+
     /// Why nothing more becomes durable, for good or for now.
     pub fn trouble(&self) -> Option<&StoreError> {
         self.failed.as_ref().or(self.unavailable.as_ref())

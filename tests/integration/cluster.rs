@@ -8,6 +8,7 @@ mod copies;
 mod disk;
 #[cfg(target_os = "linux")]
 mod fuse;
+mod leases;
 mod nats;
 #[cfg(target_os = "linux")]
 mod power;

@@ -201,9 +201,10 @@ impl Actor {
         self.shared.moving.load(Ordering::Relaxed)
     }
 
-    /// Whether it takes no items and starts no solves: it is frozen by request, or moving.
+    /// Whether it takes no items and starts no solves: it is frozen by request, or moving, or another
+    /// server may have it.
     pub(super) fn is_held(&self) -> bool {
-        self.map.is_frozen() || self.is_moving()
+        self.map.is_frozen() || self.is_moving() || self.shared.check_served().is_err()
     }
 
     /// Refuses every change of a poisoned, moving or ending map.
@@ -296,10 +297,18 @@ impl Actor {
     }
 
     /// Acknowledges what has become durable. If the journal has failed, the map accepts no further
-    /// changes; if another server has the map, the engine ends.
+    /// changes; if another server has the map, the engine ends; if one may have it, streams end and the
+    /// map waits.
     fn flushed(&mut self) {
         self.recognition.changed();
-        let Some(error) = self.durability.acknowledge(self.map.revision()) else { return };
+        let Some(error) = self.durability.acknowledge(self.map.revision()) else {
+            if let Err(error) = self.shared.check_served() {
+                self.pause(&error);
+                self.durability.drop_acks();
+                self.watching.wake();
+            }
+            return;
+        };
         let error = EngineError::Store(error);
         if let EngineError::Store(StoreError::OwnedElsewhere { .. }) = error {
             tracing::warn!(%error, "this server serves the map no longer");

@@ -151,6 +151,11 @@ impl Durability {
         failed
     }
 
+    /// Drops the DURABLE acks of streams that are ended.
+    pub(super) fn drop_acks(&mut self) {
+        self.waiting.clear();
+    }
+
     /// Starts a snapshot of the map as it is, unless one is being written.
     pub(super) fn keep_snapshot(&mut self, map: &Arc<Map>) {
         let revision = map.revision();

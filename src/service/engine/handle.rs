@@ -131,6 +131,14 @@ impl Shared {
         }
     }
 
+    /// Refuses calls while another server may have the map.
+    pub(super) fn check_served(&self) -> Result<(), EngineError> {
+        match self.flushed.borrow().lapsed() {
+            Some(error) => Err(EngineError::Store(error.clone())),
+            None => Ok(()),
+        }
+    }
+
     /// Whether the engine has ended because another server has the map.
     pub(super) fn is_elsewhere(&self) -> bool {
         matches!(self.ended.get(), Some(EngineError::Store(StoreError::OwnedElsewhere { .. })))
@@ -357,6 +365,7 @@ impl MapHandle {
         steps: mpsc::UnboundedSender<SolveStep>,
     ) -> Result<OptimizeOutcome, EngineError> {
         self.shared.config.check_calls()?;
+        self.shared.check_served()?;
         let (reply, mut answer) = oneshot::channel();
         let mut guard = CancelOnDrop(Some(Arc::clone(&cancellation)));
         let canceled = Arc::clone(&cancellation);
@@ -425,6 +434,7 @@ impl MapHandle {
         work: impl for<'a> FnOnce(&'a mut Actor) -> BoxFuture<'a, T> + Send + 'static,
     ) -> Result<T, EngineError> {
         self.shared.config.check_calls()?;
+        self.shared.check_served()?;
         let (reply, answer) = oneshot::channel();
         self.send(|actor| {
             // A caller that went away needs no answer.

@@ -3,7 +3,6 @@
 
 use std::fmt;
 use std::future::Future;
-use std::sync::Arc;
 use std::time::Duration;
 
 use async_nats::jetstream::context::{Context, ContextBuilder};
@@ -95,7 +94,7 @@ pub(super) struct Shared {
     pub(super) most: usize,
     pub(super) catalog: Catalog,
     pub(super) snapshots: Snapshots,
-    pub(super) members: Arc<Members>,
+    pub(super) members: Members,
     pub(super) tasks: Tasks,
 }
 
@@ -110,7 +109,7 @@ impl Shared {
 
     async fn connect(options: &ReplicationOptions) -> Result<Self, ReplicationError> {
         let (context, most) = link(options).await?;
-        let replicas = options.replicas;
+        let (replicas, lease) = (options.replicas, options.lease);
         let maps = bucket("covis_maps", replicas, Duration::ZERO);
         let maps = context.create_key_value(maps).await;
         let catalog = Catalog(maps.map_err(|error| nats("the bucket of maps", &error))?);
@@ -126,7 +125,13 @@ impl Shared {
         let snapshots = Snapshots(objects.map_err(|error| nats("the snapshots", &error))?);
         let tasks = Tasks::open(&context, options).await?;
         let me = Owner { server: new_uid(), address: options.address.clone() };
-        let members = Members::start(me, options.lease, beats).await;
+        // The thread of the lease has a connection of its own.
+        let (name, options) = (beats.name, options.clone());
+        let open = move || async move {
+            let (context, _) = connect(&options).await.map_err(|error| error.to_string())?;
+            context.get_key_value(name).await.map_err(|error| error.to_string())
+        };
+        let members = Members::start(me, lease, open).await;
         let members = members.map_err(|error| nats("the lease", &error))?;
         Ok(Self { context, most, catalog, snapshots, members, tasks })
     }
@@ -178,6 +183,11 @@ pub(super) async fn link(
     if !options.accept_unsynced {
         synced::check(&options.monitoring).await?;
     }
+    connect(options).await
+}
+
+/// Connects; also answers how many bytes of events a message may have.
+async fn connect(options: &ReplicationOptions) -> Result<(Context, usize), ReplicationError> {
     let servers: Vec<String> = options.nats.split(',').map(|url| url.trim().to_owned()).collect();
     let connected = async_nats::ConnectOptions::new()
         .name("covis")

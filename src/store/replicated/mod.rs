@@ -6,7 +6,8 @@
 //!
 //! - One server owns a map. It says so in the catalog (`catalog`) and takes the map over in the map's
 //!   stream, which refuses whoever wrote before (`map_stream`): two servers never both write.
-//! - Clocks decide who is alive and nothing else (`members`).
+//! - Clocks decide who is alive and nothing else (`members`). A server whose lease lapsed goes on with the
+//!   maps that nobody took (`owned`).
 //! - What a server's own journal holds beyond the stream was never acknowledged.
 //!
 //! | module | role |
@@ -15,6 +16,7 @@
 //! | `map_stream` | the stream of a map: fencing, putting, reading |
 //! | `publisher` | the events of an open map on their way to the stream |
 //! | `takeover` | from catalog, snapshot and stream to an open map |
+//! | `takeovers` | how soon the same map is taken over again |
 //! | `owned` | a map that this server serves |
 //! | `catalog`, `members`, `snapshots` | who serves what, who is alive, maps as objects |
 //! | `tasks` | the work that servers give to workers |
@@ -35,6 +37,7 @@ mod publisher;
 mod snapshots;
 mod synced;
 mod takeover;
+mod takeovers;
 mod tasks;
 
 use std::collections::BTreeMap;
@@ -45,6 +48,7 @@ use std::time::SystemTime;
 use async_nats::jetstream::context::Context;
 use async_trait::async_trait;
 use tokio::sync::watch;
+use tokio::time::Instant;
 
 use self::catalog::{Catalog, Entry};
 use self::connect::Shared;
@@ -52,6 +56,7 @@ pub use self::connect::{ReplicationError, ReplicationOptions};
 use self::members::Members;
 use self::owned::Owned;
 use self::snapshots::Snapshots;
+use self::takeovers::Takeovers;
 use self::tasks::Tasks;
 pub use self::tasks::{ClaimedTask, WorkerLink};
 use super::encoding::encode_event;
@@ -73,7 +78,8 @@ pub struct ReplicatedStore {
     context: Context,
     catalog: Catalog,
     snapshots: Snapshots,
-    members: Arc<Members>,
+    members: Members,
+    takeovers: Takeovers,
     tasks: Tasks,
     replicas: usize,
     /// Whether NATS syncs what it acknowledges.
@@ -81,12 +87,6 @@ pub struct ReplicatedStore {
     /// Most bytes of events in a message.
     most: usize,
     maps: Mutex<BTreeMap<String, Arc<Owned>>>,
-}
-
-impl Drop for ReplicatedStore {
-    fn drop(&mut self) {
-        self.members.stop();
-    }
 }
 
 impl fmt::Debug for ReplicatedStore {
@@ -108,8 +108,20 @@ impl ReplicatedStore {
         let Shared { context, most, catalog, snapshots, members, tasks } =
             Shared::open(&options).await?;
         let (replicas, syncs) = (options.replicas, !options.accept_unsynced);
-        let maps = Mutex::default();
-        Ok(Self { local, context, catalog, snapshots, members, tasks, replicas, syncs, most, maps })
+        let takeovers = Takeovers::new(&members.me().server, members.lease_time());
+        Ok(Self {
+            local,
+            context,
+            catalog,
+            snapshots,
+            members,
+            takeovers,
+            tasks,
+            replicas,
+            syncs,
+            most,
+            maps: Mutex::default(),
+        })
     }
 
     /// The queue of tasks between the servers and their workers.
@@ -125,7 +137,7 @@ impl ReplicatedStore {
 
     /// Refuses to take maps without a lease.
     fn check_lease(&self, map: &str) -> Result<(), StoreError> {
-        if *self.members.holds_lease().borrow() {
+        if self.members.lease().borrow().holds {
             return Ok(());
         }
         Err(StoreError::OwnedElsewhere { map: map.to_owned(), owner: None })
@@ -171,6 +183,7 @@ impl Store for ReplicatedStore {
         }
         owned.stop();
         self.maps.lock().remove(map);
+        self.takeovers.forget(map);
         if let Err(error) = map_stream::delete(&self.context, map, &known.entry.uid).await {
             tracing::warn!(map, %error, "the stream of a deleted map is left");
         }
@@ -185,17 +198,25 @@ impl Store for ReplicatedStore {
 
     async fn claim(&self, map: &str) -> Result<(), StoreError> {
         self.check_lease(map)?;
+        let mut is_counted = false;
         for _ in 0..CLAIMS {
             let Some(known) = self.catalog.get(map).await? else {
                 return Err(StoreError::UnknownMap { map: map.to_owned() });
             };
-            match &known.entry.owner {
-                Some(owner) if owner == self.members.me() => return Ok(()),
-                Some(owner) if self.members.is_alive(owner) => {
-                    let owner = Some(owner.address.clone());
-                    return Err(StoreError::OwnedElsewhere { map: map.to_owned(), owner });
-                }
-                Some(_) | None => {}
+            let is_mine = known.entry.owner.as_ref() == Some(self.members.me());
+            if let Some(owner) = &known.entry.owner
+                && !is_mine
+                && self.members.is_alive(owner)
+            {
+                let owner = Some(owner.address.clone());
+                return Err(StoreError::OwnedElsewhere { map: map.to_owned(), owner });
+            }
+            if !is_counted {
+                self.takeovers.begin(map, Instant::now())?;
+                is_counted = true;
+            }
+            if is_mine {
+                return Ok(());
             }
             let owner = Some(self.members.me().clone());
             let entry = Entry { owner, ..known.entry.clone() };

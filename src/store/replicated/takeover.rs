@@ -14,10 +14,10 @@
 use std::sync::Arc;
 
 use super::ReplicatedStore;
-use super::catalog::{Entry, StoredEntry};
+use super::catalog::Entry;
 use super::map_stream::MapStream;
 use super::message::AssembledEvent;
-use super::owned::Owned;
+use super::owned::{Owned, Signals, confirm};
 use super::publisher::{Begin, Publisher};
 use crate::map::Map;
 use crate::store::encoding::encode_event;
@@ -42,6 +42,9 @@ impl ReplicatedStore {
     pub(super) async fn take_over(&self, map: &str, is_new: bool) -> Result<Epoch, StoreError> {
         let elsewhere = || StoreError::OwnedElsewhere { map: map.to_owned(), owner: None };
         let me = self.members.me();
+        // Where the lease lapses from here on, the catalog is asked once more before anything is served.
+        let lease = self.members.lease();
+        let lapses = lease.borrow().lapses;
         let known = self.catalog.get(map).await?;
         let known = known.ok_or_else(|| StoreError::UnknownMap { map: map.to_owned() })?;
         if known.entry.owner.as_ref() != Some(me) {
@@ -73,19 +76,19 @@ impl ReplicatedStore {
         publisher.push(beyond);
         let own_epoch = self.local.acquire(map).await?;
         let local = self.local.follow(map).await?;
-        let known = self.confirm(&known).await?.ok_or_else(elsewhere)?;
-        let lease = self.members.holds_lease();
-        let owned = Owned::start(map, stream, publisher, known, local, lease);
-        wait_durable(owned.flushed(), waits_for.unwrap_or(through)).await?;
+        // A lapse of the lease does not end this: what was done so far need not be done again.
+        let through = waits_for.unwrap_or(through);
+        wait_durable(local.clone(), through).await?;
+        wait_durable(publisher.progress(), through).await?;
+        let mut known = known;
+        if !confirm(&self.catalog, &mut known).await? {
+            return Err(elsewhere());
+        }
+        let signals = Signals { local, lease, lapses };
+        let owned = Owned::start(stream, publisher, known, self.catalog.clone(), signals);
         self.maps.lock().insert(map.to_owned(), owned);
         tracing::info!(map, epoch, through, "this server serves the map");
         Ok(own_epoch)
-    }
-
-    /// Whether the entry is still the one that was known: then it is written again, unchanged, so that
-    /// a claim that another server has begun on it fails.
-    async fn confirm(&self, known: &StoredEntry) -> Result<Option<StoredEntry>, StoreError> {
-        self.catalog.replace(known, known.entry.clone()).await
     }
 
     /// Whether the own journal is of the map that the entry is of.
