@@ -150,8 +150,9 @@ impl ResidualStatistics {
             )),
             SigmaJudgment::TooLarge => Some(format!(
                 "{name} residuals are typically {:.1} times smaller than their sigmas say: the \
-                 sigmas are too large",
-                1.0 / ratio
+                 sigmas are too large{}",
+                1.0 / ratio,
+                if quantity == Quantity::Depth { ", or the depths are not in meters" } else { "" }
             )),
             SigmaJudgment::Unknown | SigmaJudgment::Plausible => None,
         }
