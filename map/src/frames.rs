@@ -19,11 +19,59 @@ pub(super) const MOST_FRAMES: usize = 4;
 /// adjustment converges from either.
 const FAR: (f64, f64) = (0.5, 0.2);
 
+/// Keyframes of a client, the last by arrival, of which the one with the latest capture time is its
+/// newest. Fewer may arrive late; where so many were captured before an earlier one, the clock went back
+/// or that keyframe has a time in the future.
+const LATE: usize = 16;
+
+/// Keyframes that arrived last and were captured before an earlier one, [`LATE`] at least.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct LateRun {
+    /// The earlier keyframe.
+    pub(super) before: EntityId,
+    /// How many arrived since.
+    pub(super) count: usize,
+    /// How far the last of them by capture time was captured before it.
+    pub(super) gap_ns: u64,
+}
+
 impl Map {
-    /// The keyframe of a client with the latest capture time, then the highest id.
+    /// The keyframe of a client with the latest capture time, then the highest id, of the 16 that
+    /// arrived last. Those that arrived with the first of them, as in a merge, are among them.
     pub fn newest_keyframe(&self, client: ClientIndex) -> Option<(EntityId, &Keyframe)> {
-        let own = self.keyframes().range(client.ids()).map(|(&id, keyframe)| (id, keyframe));
-        own.max_by_key(|&(id, keyframe)| (keyframe.capture_time_ns, id))
+        let (latest, later) = self.latest_keyframe(client)?;
+        if later < LATE {
+            return Some(latest);
+        }
+        let mut arrivals: Vec<i64> =
+            self.own_keyframes(client).map(|(_, k)| k.added_revision).collect();
+        let sixteenth = arrivals.len().checked_sub(LATE)?;
+        let (_, &mut since, _) = arrivals.select_nth_unstable(sixteenth);
+        let last = self.own_keyframes(client).filter(|(_, k)| k.added_revision >= since);
+        last.max_by_key(|&(id, keyframe)| (keyframe.capture_time_ns, id))
+    }
+
+    /// The keyframes that arrived since the latest one by capture time, where they are many.
+    pub(super) fn late_run(&self, client: ClientIndex) -> Option<LateRun> {
+        let ((before, latest), count) = self.latest_keyframe(client)?;
+        let (_, last) = self.newest_keyframe(client).filter(|_| count >= LATE)?;
+        Some(LateRun {
+            before,
+            count,
+            gap_ns: latest.capture_time_ns.abs_diff(last.capture_time_ns),
+        })
+    }
+
+    /// The keyframe with the latest capture time of all, and how many arrived later.
+    fn latest_keyframe(&self, client: ClientIndex) -> Option<((EntityId, &Keyframe), usize)> {
+        let own = self.own_keyframes(client);
+        let latest = own.max_by_key(|&(id, keyframe)| (keyframe.capture_time_ns, id))?;
+        let is_later = |(_, other): &(_, &Keyframe)| other.added_revision > latest.1.added_revision;
+        Some((latest, self.own_keyframes(client).filter(is_later).count()))
+    }
+
+    fn own_keyframes(&self, client: ClientIndex) -> impl Iterator<Item = (EntityId, &Keyframe)> {
+        self.keyframes().range(client.ids()).map(|(&id, keyframe)| (id, keyframe))
     }
 
     /// The clients whose newest keyframe moves far with `poses`, and their frames until now,

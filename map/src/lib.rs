@@ -18,6 +18,7 @@
 //! | [`choose_window`], [`problem`], [`applied`] | what a solve may move, its problem, its result as a change |
 //! | [`triangulate`], [`retire`], [`find_duplicates`] | landmarks without a position, maps that are full, points that are one |
 //! | [`Merge`], [`MergedMap`] | maps that become one and part again |
+//! | [`Hint`] | mistakes that the data of a client look like |
 //! | [`place`] | the keyframes that may show a place |
 //! | [`loop_closing`] | which of them do |
 
@@ -37,6 +38,7 @@ mod fold;
 mod frames;
 mod gauge;
 mod hash;
+mod hints;
 mod ids;
 mod item;
 mod keyframe_pairs;
@@ -76,6 +78,7 @@ pub use error::{EntityKind, MapError};
 pub use event::{
     AppliedSolve, Cause, Change, Event, LastRequest, NewLandmark, RequestId, Retired, SolveKind,
 };
+pub use hints::{Hint, HintKind};
 pub use ids::{ClientIndex, EntityId};
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, MeasuredPosition, PartialItem};
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
