@@ -82,6 +82,13 @@ pub enum ClientError {
     /// The server was started anew and no longer has the map: its journal was in memory.
     #[error("the server was restarted (instance {instance_id}) and has no map {map_id} any more")]
     ServerRestarted { map_id: String, instance_id: String },
+    /// A map that does not settle, because it takes no changes.
+    #[error("map {map_id} is {state}: the work that it has left waits until it is open")]
+    MapNotOpen {
+        map_id: String,
+        /// `frozen` or `poisoned`.
+        state: &'static str,
+    },
     /// The server no longer has items that it had acknowledged.
     #[error(
         "the server lost items: it goes on at {next_sequence}, {acknowledged} was acknowledged"

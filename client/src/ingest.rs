@@ -173,6 +173,8 @@ pub struct IngestSession {
     sent: u64,
     /// The highest sequence of them; 0 before the first.
     last_sequence: i64,
+    client: Client,
+    map_id: String,
     shared: Arc<Shared>,
     state: watch::Receiver<State>,
     task: JoinHandle<()>,
@@ -214,7 +216,8 @@ impl IngestSession {
         let left = left_over.as_ref();
         let sent = left.map_or(0, |left| left.items);
         let last_sequence = left.map_or(0, |left| left.last_sequence);
-        Ok(Self { opened, left_over, sent, last_sequence, shared, state, task })
+        let (client, map_id) = (client.clone(), map_id.to_owned());
+        Ok(Self { opened, left_over, sent, last_sequence, client, map_id, shared, state, task })
     }
 
     /// The server's answer to the first opening: limits, durability, where it goes on.
@@ -340,6 +343,16 @@ impl IngestSession {
         let kept = state.report.rejections.iter().find(|item| item.sequence == sequence);
         let violations = kept.map(|item| item.violations.clone()).unwrap_or_default();
         Err(ClientError::Rejected { sequence, violations })
+    }
+
+    /// Waits until every item sent so far is answered and the map is settled: see
+    /// [`Client::wait_settled`].
+    ///
+    /// # Errors
+    /// Why the session ended; as [`Client::wait_settled`].
+    pub async fn wait_settled(&mut self) -> Result<(), ClientError> {
+        self.flush().await?;
+        self.client.wait_settled(&self.map_id).await
     }
 
     /// Half-closes the stream, waits for all acks, those of pending solves too, and reports.

@@ -11,6 +11,7 @@
 //! | `link` | [`LinkOptions`]: how a link that is gone is found |
 //! | `ingest` | [`IngestSession`]: send with back-pressure, acks, finish |
 //! | `watch`, `mirror` | [`MapWatch`]: a [`MapMirror`] that deltas keep up to date |
+//! | `settled` | waiting until the server has nothing left to do about a map |
 //! | `export` | [`MapExport`]: the files of a map, chunk by chunk |
 //! | `jobs` | jobs, their uploads, [`JobDownload`]: the files that they made |
 //! | [`wire`] | generated from `proto/covis/v1`, and the codec of every call |
@@ -36,6 +37,7 @@ mod mirror;
 mod outbox;
 mod retry;
 mod servers;
+mod settled;
 mod spill;
 mod stream;
 mod watch;

@@ -22,6 +22,9 @@ pub struct MapMirror {
     pub revision: i64,
     /// A `MapState`.
     pub state: i32,
+    /// What the server still did to the map by itself when it sent the last delta; absent from an earlier
+    /// server.
+    pub pending_work: Option<v1::PendingWork>,
     /// Cameras by owner and id.
     pub cameras: BTreeMap<Key, v1::Camera>,
     /// Rigs by owner and id.
@@ -101,6 +104,7 @@ impl MapMirror {
     fn apply_part(&mut self, part: v1::MapDelta, changes: &mut MapChanges) {
         self.state = part.state;
         self.uid = part.map_uid;
+        self.pending_work = part.pending_work;
         let key = |client_id: &str, id: i64| (client_id.to_owned(), id);
         for camera in part.cameras {
             self.cameras.insert(key(&camera.client_id, camera.id), camera);

@@ -10,7 +10,7 @@ use tonic::{Request, Response, Status, Streaming};
 use super::access::{Caller, change, shown};
 use super::connections::Peer;
 use super::context::{Answers, Context, Messages, Rpcs};
-use super::convert::map::{display_name, policy, to_map};
+use super::convert::map::{display_name, policy, to_hints, to_map};
 use super::convert::{Path, convert, ids, merge, update};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{EngineError, Estimate, MapHandle, PoolError, Resource};
@@ -181,7 +181,9 @@ impl MapService for Rpcs {
             let caller = Caller::of(&request)?;
             let info = self.map(&caller, &request.get_ref().map_id).await?.info().await?;
             let queued = self.context.config.engine.queue_capacity;
-            let map = Some(to_map(&info, queued));
+            let snapshot = Arc::clone(&info.snapshot);
+            let hints = Context::blocking(move || Ok(to_hints(&snapshot))).await?;
+            let map = Some(v1::Map { hints, ..to_map(&info, queued) });
             let mut answer = v1::GetMapResponse { map, ..v1::GetMapResponse::default() };
             if request.get_ref().include_digests {
                 let snapshot = info.snapshot;

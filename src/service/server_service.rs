@@ -13,7 +13,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 50] = [
+const FEATURES: [&str; 52] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.covis",
@@ -48,10 +48,12 @@ const FEATURES: [&str; 50] = [
     "job.solve-files",
     "map.closure-adjustment",
     "map.freeze",
+    "map.hints",
     "map.list-constraints",
     "map.list-keyframes",
     "map.list-place-searches",
     "map.merge",
+    "map.pending-work",
     "map.place-recognition",
     "map.update",
     "map.watch",

@@ -15,7 +15,7 @@ use super::convert::entities::{
     to_any_constraint, to_camera, to_client_frame, to_keyframe_pose, to_landmark,
 };
 use super::convert::ids::{to_constraint_ref, to_keyframe_ref, to_landmark_ref};
-use super::convert::map::to_state;
+use super::convert::map::{to_pending_work, to_state};
 use super::engine::{MapChange, MapHandle};
 use super::error::ServiceError;
 use super::listing::ENTRY_OVERHEAD;
@@ -153,7 +153,7 @@ impl<'a> Parts<'a> {
     }
 
     async fn send(&mut self, last_part: bool) -> Result<(), ServiceError> {
-        let MapChange { reset, base_revision, revision, state, .. } = *self.change;
+        let MapChange { reset, base_revision, revision, state, pending, .. } = *self.change;
         let delta = v1::MapDelta {
             base_revision: if reset { 0 } else { base_revision },
             revision,
@@ -162,6 +162,7 @@ impl<'a> Parts<'a> {
             last_part,
             state: to_state(state).into(),
             map_uid: self.map_uid.to_owned(),
+            pending_work: Some(to_pending_work(&pending)),
             ..std::mem::take(&mut self.part)
         };
         self.index += 1;

@@ -84,3 +84,25 @@ fn a_trajectory_becomes_a_map_of_its_client() {
     let map = json(&workspace, &server, "import path drone.tum");
     assert_eq!((&map["keyframes"], &map["clients"][0]["client"]), (&2.into(), &"drone".into()));
 }
+
+#[test]
+fn show_names_what_the_data_look_like_and_what_is_pending() {
+    let workspace = Workspace::new();
+    fs_err::create_dir(workspace.path("model")).unwrap();
+    // The images were halved, the pixels were not.
+    workspace.file("model/cameras.txt", "1 PINHOLE 100 100 100 100 50 50\n");
+    let pixels: Vec<String> = (0..60).map(|k| format!("{} 50 {}", 120 + k, k + 1)).collect();
+    let image = format!("1 1 0 0 0 0 0 0 1 a.png\n{}\n", pixels.join(" "));
+    workspace.file("model/images.txt", &image);
+    let points = (0..60).map(|k| format!("{} {} 0 5 9 9 9 1 1 {k}\n", k + 1, 0.05 * f64::from(k)));
+    workspace.file("model/points3D.txt", &points.collect::<String>());
+    let server = Running::start(&workspace, &workspace.path("maps"));
+    json(&workspace, &server, "import room model");
+    let shown = json(&workspace, &server, "show room");
+    assert_eq!(shown["hints"][0]["hint"], "pixels_outside_image", "{shown}");
+    assert_eq!(shown["hints"][0]["client"], "import");
+    assert_eq!(shown["pending"]["place_searches"], 0);
+    let text = map(&workspace, &server, "show room").stdout;
+    assert!(text.contains("\nhint          pixels_outside_image (import): "), "{text}");
+    assert!(!text.contains("pending"), "{text}");
+}

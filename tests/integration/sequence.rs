@@ -4,6 +4,7 @@
 
 use std::collections::BTreeSet;
 
+use covis::client::Client;
 use covis::wire::v1;
 use covis_solvers::geometry::{LieGroup, Se3, So3};
 use covis_solvers::testing::random::seeded;
@@ -417,14 +418,7 @@ pub(crate) async fn judged(
 
 /// Waits until the map is adjusted after its closures.
 pub(crate) async fn adjusted(server: &TestServer, name: &str) {
-    let request = v1::WatchMapRequest { map_id: name.to_owned(), ..Default::default() };
-    let mut watch = server.maps().watch_map(request).await.unwrap().into_inner();
-    loop {
-        let request = v1::GetMapRequest { map_id: name.to_owned(), ..Default::default() };
-        let answer = server.maps().get_map(request).await.unwrap().into_inner();
-        if !answer.map.unwrap().adjustment_due {
-            return;
-        }
-        watch.message().await.unwrap().unwrap();
-    }
+    let url = format!("http://{}", server.running.local_addr());
+    let client = Client::connect(&url).await.unwrap();
+    client.wait_settled(name).await.unwrap();
 }

@@ -30,6 +30,10 @@ pub(super) struct Document {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     merged_maps: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pending: Option<PendingDocument>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    hints: Vec<HintDocument>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     landmark_bounds: Option<[[f64; 3]; 2]>,
     /// What `show` adds: SHA-256 in hex, as `GetMapResponse` describes them.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -43,6 +47,47 @@ struct ClientDocument {
     client: String,
     epoch: i64,
     next_sequence: i64,
+}
+
+/// What the server still does to the map by itself.
+#[derive(Debug, Serialize)]
+struct PendingDocument {
+    unoptimized_items: i64,
+    place_searches: i64,
+    closure_adjustment: bool,
+    optimization: bool,
+}
+
+/// A mistake that the data of a client look like.
+#[derive(Debug, Serialize)]
+struct HintDocument {
+    hint: String,
+    client: String,
+    text: String,
+}
+
+impl From<v1::MapHint> for HintDocument {
+    fn from(hint: v1::MapHint) -> Self {
+        let name = hint.kind().as_str_name();
+        let name = name.strip_prefix("MAP_HINT_KIND_").unwrap_or(name);
+        Self { hint: name.to_lowercase(), client: hint.client_id, text: hint.text }
+    }
+}
+
+impl PendingDocument {
+    /// For people; `None` where nothing is pending.
+    fn text(&self) -> Option<String> {
+        let count = |count: i64, what: &str| (count > 0).then(|| format!("{count} {what}"));
+        let flag = |is_set: bool, what: &str| is_set.then(|| what.to_owned());
+        let parts = [
+            count(self.unoptimized_items, "items to be optimized"),
+            count(self.place_searches, "places to be searched"),
+            flag(self.closure_adjustment, "an adjustment after closures"),
+            flag(self.optimization, "a requested optimization"),
+        ];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        (!parts.is_empty()).then(|| parts.join(", "))
+    }
 }
 
 impl Document {
@@ -90,6 +135,13 @@ impl From<v1::Map> for Document {
                 })
                 .collect(),
             merged_maps: map.merged_maps.into_iter().map(|merged| merged.map_id).collect(),
+            pending: map.pending_work.map(|pending| PendingDocument {
+                unoptimized_items: pending.unoptimized_item_count,
+                place_searches: pending.place_search_count,
+                closure_adjustment: pending.closure_adjustment,
+                optimization: pending.optimization,
+            }),
+            hints: map.hints.into_iter().map(HintDocument::from).collect(),
             landmark_bounds: bounds.and_then(|b| Some([corner(b.min)?, corner(b.max)?])),
             keyframe_ids_digest: None,
             state_hash: None,
@@ -147,6 +199,10 @@ pub(super) fn details(map: &Document) -> String {
     for c in &map.clients {
         let text = format!("{}, epoch {}, goes on at {}", c.client, c.epoch, c.next_sequence);
         rows.push(("client", text));
+    }
+    rows.extend(map.pending.as_ref().and_then(PendingDocument::text).map(|text| ("pending", text)));
+    for hint in &map.hints {
+        rows.push(("hint", format!("{} ({}): {}", hint.hint, hint.client, hint.text)));
     }
     if !map.merged_maps.is_empty() {
         rows.push(("merged maps", map.merged_maps.join(", ")));

@@ -8,9 +8,9 @@ use super::geometry::{geodetic, to_geodetic, to_rigid_transform, to_vector3};
 use super::solve::{gauge, loss, robustness, to_gauge, to_loss, to_robustness};
 use super::time::timestamp;
 use super::{Path, Violations, count, small};
-use crate::map::{Counts, Map, MapLimits, MapPolicy, MergedMap, Reason, WhenFull};
+use crate::map::{Counts, Hint, HintKind, Map, MapLimits, MapPolicy, MergedMap, Reason, WhenFull};
 use crate::service::access::shown;
-use crate::service::engine::{EngineError, MapInfo, MapState, limit_name};
+use crate::service::engine::{EngineError, MapInfo, MapState, PendingWork, limit_name};
 use crate::service::error::ServiceError;
 use crate::store::Durability;
 use crate::wire::v1;
@@ -227,6 +227,39 @@ pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map
         adjustment_due: map.is_adjustment_due() && map.policy().closure_adjustment,
         state_reason: info.trouble.clone().map(reason_of).unwrap_or_default(),
         merged_maps: map.merged().iter().map(|merged| to_merged(map, merged)).collect(),
+        pending_work: Some(to_pending_work(&info.pending)),
+        hints: Vec::new(),
+    }
+}
+
+/// The messages of the mistakes that the data of clients look like. Takes some milliseconds.
+pub(in crate::service) fn to_hints(map: &Map) -> Vec<v1::MapHint> {
+    let to_hint = |hint: Hint| v1::MapHint {
+        kind: match hint.kind {
+            HintKind::DepthUnit => v1::MapHintKind::DepthUnit,
+            HintKind::SceneSize => v1::MapHintKind::SceneSize,
+            HintKind::PosesInverted => v1::MapHintKind::PosesInverted,
+            HintKind::PixelsSwapped => v1::MapHintKind::PixelsSwapped,
+            HintKind::PixelsOutsideImage => v1::MapHintKind::PixelsOutsideImage,
+            HintKind::LandmarksBehindCamera => v1::MapHintKind::LandmarksBehindCamera,
+            HintKind::ClockWentBack => v1::MapHintKind::ClockWentBack,
+        }
+        .into(),
+        client_id: map.client(hint.client).map(|client| client.name.clone()).unwrap_or_default(),
+        text: hint.text,
+    };
+    let mut hints: Vec<v1::MapHint> = map.hints().into_iter().map(to_hint).collect();
+    hints.sort_by(|a, b| (&a.client_id, a.kind).cmp(&(&b.client_id, b.kind)));
+    hints
+}
+
+/// The message of what an engine still does by itself.
+pub(in crate::service) fn to_pending_work(pending: &PendingWork) -> v1::PendingWork {
+    v1::PendingWork {
+        unoptimized_item_count: count(pending.unoptimized_items),
+        place_search_count: count(pending.place_searches),
+        closure_adjustment: pending.closure_adjustment,
+        optimization: pending.optimization,
     }
 }
 

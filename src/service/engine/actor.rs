@@ -67,6 +67,8 @@ pub(super) struct Actor {
     /// Whether the items whose solves were outstanding when the map was opened or imported are not
     /// triggered yet.
     pub(super) has_pending_solves: bool,
+    /// Whether the map was settled after the last step.
+    pub(super) is_settled: bool,
     /// Entities that were handled since the task let others run.
     pub(super) handled: usize,
     /// Whether the last step answered a request.
@@ -153,6 +155,7 @@ impl Actor {
             self.is_background_idle() && !self.solving.schedule.is_waiting(ClientIndex::SERVER);
         let waits = self.ingest.is_lock_step() && !is_done;
         self.ingest.close_finished(|client| waits || self.solving.schedule.is_waiting(client));
+        self.note_settled();
     }
 
     /// Deletes the map in the store; then the engine ends.
@@ -185,6 +188,7 @@ impl Actor {
             snapshot: Arc::clone(&self.map),
             state: self.state(),
             trouble: self.shared.check_open().err(),
+            pending: self.pending_work(),
         }
     }
 

@@ -63,6 +63,20 @@ impl Background {
         self.work.is_free() && !self.may_be_due
     }
 
+    /// Whether something runs or is due, for readers. Takes a pass over the constraints where something
+    /// may be due.
+    pub(super) fn is_pending(&self, map: &Map) -> bool {
+        let may_be_due = self.may_be_due || self.waits_for_journal;
+        !self.work.is_free() || (may_be_due && self.is_due(map))
+    }
+
+    /// Whether places are to be compared or the map is to be adjusted.
+    fn is_due(&self, map: &Map) -> bool {
+        let is_adjustment_due = map.is_adjustment_due() && !self.gave_up;
+        map.policy().closure_adjustment
+            && (is_adjustment_due || map.uncompared_closures().next().is_some())
+    }
+
     /// Notes what a change that is in the journal makes due or stale.
     pub(super) fn changed(&mut self, change: &Change) {
         if let Change::SolveApplied { solve } = change

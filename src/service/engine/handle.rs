@@ -24,7 +24,7 @@ use super::solve::Job;
 use super::stream::Queued;
 use super::{
     Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, MapUpdate,
-    OptimizeOptions, OptimizeOutcome, SolveStep, Watch,
+    OptimizeOptions, OptimizeOutcome, PendingWork, SolveStep, Watch,
 };
 use crate::loop_closing::{Located, QueryView, locate};
 use crate::map::{GraphPairs, GraphProblem, Map, PlaceCandidate, RequestId, measured_graph};
@@ -55,6 +55,8 @@ pub struct MapInfo {
     pub state: MapState,
     /// Why it accepts none, where that is not by request.
     pub trouble: Option<EngineError>,
+    /// What its engine still does by itself.
+    pub pending: PendingWork,
 }
 
 /// Whether a map accepts changes, and why it does not.

@@ -28,6 +28,7 @@
 //! | `background` | what follows a loop closure while items are accepted: comparing places, adjusting the map |
 //! | `recognition` | searching the places that keyframes show again |
 //! | `places` | the index of a map's places |
+//! | `pending` | what the engine still does by itself: whether a map is settled |
 //! | `updating` | a requested change of name, policy or state |
 //! | `measured_pairs` | relative poses of keyframes that a pose graph need not measure again |
 //! | `watching`, `touched` | what the engine tells watchers: what the last events touched |
@@ -54,6 +55,7 @@ mod measured_pairs;
 mod merging;
 mod meters;
 mod opening;
+mod pending;
 mod places;
 mod pool;
 mod rebuilding;
@@ -83,6 +85,7 @@ pub use importing::{ImportRoom, ImportedAs};
 pub use maps::Maps;
 pub use merging::{LinkRequest, MergeOutcome, MergeRequest};
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
+pub use pending::PendingWork;
 pub(crate) use pool::panic_message;
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
 pub use rebuilding::{Rebuilt, UnplacedKeyframe};

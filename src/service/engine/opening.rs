@@ -210,6 +210,7 @@ impl Maps {
             applying: None,
             requests,
             has_pending_solves: shared.check_open().is_ok(),
+            is_settled: false,
             handled: 0,
             answered: false,
             closing: Vec::new(),

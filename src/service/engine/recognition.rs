@@ -52,6 +52,11 @@ impl Recognition {
         self.work.is_free() && !self.is_due(map)
     }
 
+    /// How many keyframes wait until their places are searched.
+    pub(super) fn pending(&self, map: &Map) -> usize {
+        if map.policy().place_recognition { map.place_searches().pending.len() } else { 0 }
+    }
+
     fn is_due(&self, map: &Map) -> bool {
         !self.waits_for_journal
             && map.policy().place_recognition

@@ -64,6 +64,13 @@ impl Schedule {
         self.open.is_empty()
     }
 
+    /// How many items wait for a solve. An item that asks for two has both behind each other.
+    pub(super) fn item_count(&self) -> usize {
+        let items = || self.open.values().map(|trigger| (trigger.client, trigger.sequence));
+        let repeated = items().zip(items().skip(1)).filter(|(a, b)| a == b).count();
+        self.open.len() - repeated
+    }
+
     /// Whether an ack for the client is still to come.
     pub(super) fn is_waiting(&self, client: ClientIndex) -> bool {
         self.open.values().any(|t| t.client == client)
@@ -231,6 +238,7 @@ mod tests {
         schedule.push(A, 2, Task::around(keyframe(A, 1)));
         assert_eq!(schedule.within(&group[1..2], &group[..2]), [2], "one of three is not in it");
         assert_eq!(schedule.within(&group, &[]), [0, 2]);
+        assert_eq!(schedule.item_count(), 2, "two triggers are of one item");
         let loops = schedule.pose_graph_triggers();
         assert_eq!(schedule.close(&loops), [], "the item waits for its window too");
         assert_eq!(schedule.close(&[0, 2]), [(A, 2)]);

@@ -66,6 +66,11 @@ impl Solving {
         self.work.is_free() && self.schedule.is_empty() && self.job.is_none()
     }
 
+    /// Whether a requested optimization waits or runs.
+    pub(super) fn has_job(&self) -> bool {
+        self.job.is_some()
+    }
+
     /// Whether a background task may start: what it does would be stale after a pose graph or a
     /// requested optimization. In lock-step everything else comes first.
     pub(super) fn leaves_room(&self, is_lock_step: bool) -> bool {

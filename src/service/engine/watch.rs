@@ -15,7 +15,7 @@ use tokio::sync::watch;
 use super::durability::sequence_of;
 use super::touched::Touched;
 use super::watching::{LogRead, LogReader};
-use super::{EngineError, MapHandle, MapState, Reservation};
+use super::{EngineError, MapHandle, MapInfo, MapState, PendingWork, Reservation};
 use crate::map::{Change, Event, Map};
 use crate::meter::GaugeGuard;
 use crate::store::StoreError;
@@ -40,6 +40,8 @@ pub struct MapChange {
     pub revision: i64,
     /// Whether the map accepts changes.
     pub state: MapState,
+    /// What the engine still does by itself.
+    pub pending: PendingWork,
     /// The ids that were touched between the two revisions.
     pub touched: Touched,
     /// The map at `revision`.
@@ -105,6 +107,8 @@ pub struct Watch {
     opened: BTreeSet<String>,
     /// The revision and state that the reader got last, initially those of the start.
     sent: (i64, MapState),
+    /// Whether the reader knows that the map is settled.
+    told_settled: bool,
     /// Whether the map may have changed since.
     due: bool,
     /// A change that is not durable yet.
@@ -134,6 +138,7 @@ impl Watch {
             with_landmarks: true,
             opened: BTreeSet::new(),
             sent: (map.revision(), state),
+            told_settled: false,
             due: true,
             pending: None,
             _reservations: reservations,
@@ -173,10 +178,11 @@ impl Watch {
             self.fold(revision).await;
             // There is no await from here on, so that canceling cannot split the step.
             self.due = false;
-            if self.sent == (revision, state) && !self.gathered.reset {
+            let settles = info.pending.is_settled() && !self.told_settled;
+            if self.sent == (revision, state) && !self.gathered.reset && !settles {
                 continue;
             }
-            self.pending = Some(self.step(info.snapshot, state));
+            self.pending = Some(self.step(info));
         }
     }
 
@@ -200,14 +206,15 @@ impl Watch {
         Ok(())
     }
 
-    fn step(&mut self, snapshot: Arc<Map>, state: MapState) -> MapChange {
+    fn step(&mut self, info: MapInfo) -> MapChange {
+        let MapInfo { snapshot, state, pending, .. } = info;
         let next = Gathered::new(most_touched(&snapshot));
         let Gathered { mut touched, reset, .. } = std::mem::replace(&mut self.gathered, next);
         let opened = std::mem::take(&mut self.opened).into_iter();
         touched.clients.extend(opened.filter_map(|name| snapshot.client_named(&name)));
         let (revision, base_revision) = (snapshot.revision(), self.sent.0);
-        self.sent = (revision, state);
-        MapChange { reset, base_revision, revision, state, touched, snapshot }
+        (self.sent, self.told_settled) = ((revision, state), pending.is_settled());
+        MapChange { reset, base_revision, revision, state, pending, touched, snapshot }
     }
 
     /// Folds the entries of the log up to revision `through`.

@@ -1308,9 +1308,16 @@ pub struct Map {
     /// The maps that became part of it, in the order of the merges. Output only.
     #[prost(message, repeated, tag = "13")]
     pub merged_maps: ::prost::alloc::vec::Vec<MergedMap>,
+    /// What the server still does to the map by itself. Absent in answers of earlier servers. Output only.
+    #[prost(message, optional, tag = "14")]
+    pub pending_work: ::core::option::Option<PendingWork>,
+    /// Mistakes that the data of clients look like, by client, then kind. They are found in the first
+    /// keyframes of each client and refuse nothing. Only GetMap answers them. Output only.
+    #[prost(message, repeated, tag = "15")]
+    pub hints: ::prost::alloc::vec::Vec<MapHint>,
     /// Why the map takes no changes where state is MAP_STATE_POISONED: for instance which event of its
     /// journal cannot be read, with its kind and the reason. Empty in every other state. Output only.
-    #[prost(string, tag = "15")]
+    #[prost(string, tag = "16")]
     pub state_reason: ::prost::alloc::string::String,
 }
 impl ::prost::Name for Map {
@@ -1321,6 +1328,59 @@ impl ::prost::Name for Map {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.Map".into()
+    }
+}
+/// Work that changes a map by itself, after its items were acknowledged. A map is settled where every
+/// field has its default: nothing moves until the next item or call. The work of a map that is not open
+/// waits.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PendingWork {
+    /// Accepted items of all clients, and closures that the server found, that no solve has covered yet;
+    /// at least 0.
+    #[prost(int64, tag = "1")]
+    pub unoptimized_item_count: i64,
+    /// Keyframes whose place is still to be searched, at least 0. A search may add a loop closure.
+    #[prost(int64, tag = "2")]
+    pub place_search_count: i64,
+    /// Whether the places of loop closures are compared, or the map is adjusted after them, or either is
+    /// due. Unlike Map.adjustment_due it is false where the adjustment is not possible.
+    #[prost(bool, tag = "3")]
+    pub closure_adjustment: bool,
+    /// Whether a requested optimization, of OptimizeMap or of a job, waits or runs.
+    #[prost(bool, tag = "4")]
+    pub optimization: bool,
+}
+impl ::prost::Name for PendingWork {
+    const NAME: &'static str = "PendingWork";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.PendingWork".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.PendingWork".into()
+    }
+}
+/// A mistake that the data of a client look like.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MapHint {
+    /// Which mistake.
+    #[prost(enumeration = "MapHintKind", tag = "1")]
+    pub kind: i32,
+    /// The client that sent the data.
+    #[prost(string, tag = "2")]
+    pub client_id: ::prost::alloc::string::String,
+    /// A sentence for people, with the figures.
+    #[prost(string, tag = "3")]
+    pub text: ::prost::alloc::string::String,
+}
+impl ::prost::Name for MapHint {
+    const NAME: &'static str = "MapHint";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.MapHint".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.MapHint".into()
     }
 }
 /// A map that became part of another one.
@@ -1776,7 +1836,8 @@ pub struct ClientFrame {
     /// The client.
     #[prost(string, tag = "1")]
     pub client_id: ::prost::alloc::string::String,
-    /// Pose of the odometry frame in the world frame, from the client's newest keyframe:
+    /// Pose of the odometry frame in the world frame, from the client's newest keyframe, that with the
+    /// latest capture_time of the last 16 that arrived:
     /// world_from_camera (optimized) * inverse(odom_from_camera), with lengths in the client's unit:
     /// point_in_map = scale * (map_from_odom * point_in_odom).
     #[prost(message, optional, tag = "2")]
@@ -1799,6 +1860,62 @@ impl ::prost::Name for ClientFrame {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.ClientFrame".into()
+    }
+}
+/// What a client may have done wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum MapHintKind {
+    /// Never answered; a kind that this client does not know.
+    Unspecified = 0,
+    /// Measured depths are at least 3 times as long, or as short, as odom_from_camera makes them by
+    /// parallax: depths in millimeters, for instance.
+    DepthUnit = 1,
+    /// Measured depths are typically longer than 300 m, which no camera measures.
+    SceneSize = 2,
+    /// The pixels agree with the inverse of odom_from_camera: camera_from_world was sent as
+    /// world_from_camera.
+    PosesInverted = 3,
+    /// Pixels are (row, column) in place of (column, row).
+    PixelsSwapped = 4,
+    /// More than a tenth of the pixels are outside the image that the camera states.
+    PixelsOutsideImage = 5,
+    /// More than a fifth of the observations are of landmarks behind the camera.
+    LandmarksBehindCamera = 6,
+    /// The newest keyframes by arrival, 16 at least, were captured before an earlier one: the clock went
+    /// back, or one keyframe has a time in the future. See ClientFrame.
+    ClockWentBack = 7,
+}
+impl MapHintKind {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "MAP_HINT_KIND_UNSPECIFIED",
+            Self::DepthUnit => "MAP_HINT_KIND_DEPTH_UNIT",
+            Self::SceneSize => "MAP_HINT_KIND_SCENE_SIZE",
+            Self::PosesInverted => "MAP_HINT_KIND_POSES_INVERTED",
+            Self::PixelsSwapped => "MAP_HINT_KIND_PIXELS_SWAPPED",
+            Self::PixelsOutsideImage => "MAP_HINT_KIND_PIXELS_OUTSIDE_IMAGE",
+            Self::LandmarksBehindCamera => "MAP_HINT_KIND_LANDMARKS_BEHIND_CAMERA",
+            Self::ClockWentBack => "MAP_HINT_KIND_CLOCK_WENT_BACK",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "MAP_HINT_KIND_UNSPECIFIED" => Some(Self::Unspecified),
+            "MAP_HINT_KIND_DEPTH_UNIT" => Some(Self::DepthUnit),
+            "MAP_HINT_KIND_SCENE_SIZE" => Some(Self::SceneSize),
+            "MAP_HINT_KIND_POSES_INVERTED" => Some(Self::PosesInverted),
+            "MAP_HINT_KIND_PIXELS_SWAPPED" => Some(Self::PixelsSwapped),
+            "MAP_HINT_KIND_PIXELS_OUTSIDE_IMAGE" => Some(Self::PixelsOutsideImage),
+            "MAP_HINT_KIND_LANDMARKS_BEHIND_CAMERA" => Some(Self::LandmarksBehindCamera),
+            "MAP_HINT_KIND_CLOCK_WENT_BACK" => Some(Self::ClockWentBack),
+            _ => None,
+        }
     }
 }
 /// Whether a map takes changes.
@@ -3268,7 +3385,7 @@ pub struct GetMapResponse {
     /// keyframes with poses and observations, landmarks, constraints, those that are switched off,
     /// priors. Revisions, epochs, sequences and times are left out, so that a stream that broke and was
     /// resumed compares equal to one that did not. Compares maps of servers of the same version; the
-    /// encoding may change between versions. Empty unless asked for.
+    /// encoding may change between versions. Empty unless asked for: an empty one compares with nothing.
     #[prost(bytes = "vec", tag = "2")]
     pub state_hash: ::prost::alloc::vec::Vec<u8>,
     /// SHA-256, 32 bytes, over the ids of all keyframes, sorted by client_id (by its bytes), then id.
@@ -4088,6 +4205,10 @@ pub struct MapDelta {
     /// See Map.uid.
     #[prost(string, tag = "16")]
     pub map_uid: ::prost::alloc::string::String,
+    /// See Map.pending_work; as it is when the delta is made, the same in all parts. When a map settles, a
+    /// delta says so, if need be one that changes nothing else.
+    #[prost(message, optional, tag = "17")]
+    pub pending_work: ::core::option::Option<PendingWork>,
 }
 impl ::prost::Name for MapDelta {
     const NAME: &'static str = "MapDelta";

@@ -87,6 +87,9 @@ from .job_service_pb2 import DownloadJobFilesRequest as DownloadJobFilesRequest
 from .job_service_pb2 import DownloadJobFilesResponse as DownloadJobFilesResponse
 from .job_service_pb2 import DownloadJobFilesHeader as DownloadJobFilesHeader
 from .map_pb2 import Map as Map
+from .map_pb2 import PendingWork as PendingWork
+from .map_pb2 import MapHint as MapHint
+from .map_pb2 import MapHintKind as MapHintKind
 from .map_pb2 import MergedMap as MergedMap
 from .map_pb2 import MapState as MapState
 from .map_pb2 import MapCounts as MapCounts

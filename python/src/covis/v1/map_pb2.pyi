@@ -12,6 +12,17 @@ from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
+class MapHintKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    MAP_HINT_KIND_UNSPECIFIED: _ClassVar[MapHintKind]
+    MAP_HINT_KIND_DEPTH_UNIT: _ClassVar[MapHintKind]
+    MAP_HINT_KIND_SCENE_SIZE: _ClassVar[MapHintKind]
+    MAP_HINT_KIND_POSES_INVERTED: _ClassVar[MapHintKind]
+    MAP_HINT_KIND_PIXELS_SWAPPED: _ClassVar[MapHintKind]
+    MAP_HINT_KIND_PIXELS_OUTSIDE_IMAGE: _ClassVar[MapHintKind]
+    MAP_HINT_KIND_LANDMARKS_BEHIND_CAMERA: _ClassVar[MapHintKind]
+    MAP_HINT_KIND_CLOCK_WENT_BACK: _ClassVar[MapHintKind]
+
 class MapState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     MAP_STATE_UNSPECIFIED: _ClassVar[MapState]
@@ -38,6 +49,14 @@ class LandmarkState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     LANDMARK_STATE_UNSPECIFIED: _ClassVar[LandmarkState]
     LANDMARK_STATE_UNPOSITIONED: _ClassVar[LandmarkState]
     LANDMARK_STATE_POSITIONED: _ClassVar[LandmarkState]
+MAP_HINT_KIND_UNSPECIFIED: MapHintKind
+MAP_HINT_KIND_DEPTH_UNIT: MapHintKind
+MAP_HINT_KIND_SCENE_SIZE: MapHintKind
+MAP_HINT_KIND_POSES_INVERTED: MapHintKind
+MAP_HINT_KIND_PIXELS_SWAPPED: MapHintKind
+MAP_HINT_KIND_PIXELS_OUTSIDE_IMAGE: MapHintKind
+MAP_HINT_KIND_LANDMARKS_BEHIND_CAMERA: MapHintKind
+MAP_HINT_KIND_CLOCK_WENT_BACK: MapHintKind
 MAP_STATE_UNSPECIFIED: MapState
 MAP_STATE_OPEN: MapState
 MAP_STATE_FROZEN: MapState
@@ -55,7 +74,7 @@ LANDMARK_STATE_UNPOSITIONED: LandmarkState
 LANDMARK_STATE_POSITIONED: LandmarkState
 
 class Map(_message.Message):
-    __slots__ = ("map_id", "display_name", "policy", "state", "create_time", "update_time", "revision", "counts", "landmark_bounds", "clients", "uid", "adjustment_due", "merged_maps")
+    __slots__ = ("map_id", "display_name", "policy", "state", "create_time", "update_time", "revision", "counts", "landmark_bounds", "clients", "uid", "adjustment_due", "merged_maps", "pending_work", "hints")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     DISPLAY_NAME_FIELD_NUMBER: _ClassVar[int]
     POLICY_FIELD_NUMBER: _ClassVar[int]
@@ -69,6 +88,8 @@ class Map(_message.Message):
     UID_FIELD_NUMBER: _ClassVar[int]
     ADJUSTMENT_DUE_FIELD_NUMBER: _ClassVar[int]
     MERGED_MAPS_FIELD_NUMBER: _ClassVar[int]
+    PENDING_WORK_FIELD_NUMBER: _ClassVar[int]
+    HINTS_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     display_name: str
     policy: MapPolicy
@@ -82,7 +103,31 @@ class Map(_message.Message):
     uid: str
     adjustment_due: bool
     merged_maps: _containers.RepeatedCompositeFieldContainer[MergedMap]
-    def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[MapPolicy, _Mapping]] = ..., state: _Optional[_Union[MapState, str]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., revision: _Optional[int] = ..., counts: _Optional[_Union[MapCounts, _Mapping]] = ..., landmark_bounds: _Optional[_Union[_geometry_pb2.Bounds3, _Mapping]] = ..., clients: _Optional[_Iterable[_Union[MapClient, _Mapping]]] = ..., uid: _Optional[str] = ..., adjustment_due: bool = ..., merged_maps: _Optional[_Iterable[_Union[MergedMap, _Mapping]]] = ...) -> None: ...
+    pending_work: PendingWork
+    hints: _containers.RepeatedCompositeFieldContainer[MapHint]
+    def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[MapPolicy, _Mapping]] = ..., state: _Optional[_Union[MapState, str]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., revision: _Optional[int] = ..., counts: _Optional[_Union[MapCounts, _Mapping]] = ..., landmark_bounds: _Optional[_Union[_geometry_pb2.Bounds3, _Mapping]] = ..., clients: _Optional[_Iterable[_Union[MapClient, _Mapping]]] = ..., uid: _Optional[str] = ..., adjustment_due: bool = ..., merged_maps: _Optional[_Iterable[_Union[MergedMap, _Mapping]]] = ..., pending_work: _Optional[_Union[PendingWork, _Mapping]] = ..., hints: _Optional[_Iterable[_Union[MapHint, _Mapping]]] = ...) -> None: ...
+
+class PendingWork(_message.Message):
+    __slots__ = ("unoptimized_item_count", "place_search_count", "closure_adjustment", "optimization")
+    UNOPTIMIZED_ITEM_COUNT_FIELD_NUMBER: _ClassVar[int]
+    PLACE_SEARCH_COUNT_FIELD_NUMBER: _ClassVar[int]
+    CLOSURE_ADJUSTMENT_FIELD_NUMBER: _ClassVar[int]
+    OPTIMIZATION_FIELD_NUMBER: _ClassVar[int]
+    unoptimized_item_count: int
+    place_search_count: int
+    closure_adjustment: bool
+    optimization: bool
+    def __init__(self, unoptimized_item_count: _Optional[int] = ..., place_search_count: _Optional[int] = ..., closure_adjustment: bool = ..., optimization: bool = ...) -> None: ...
+
+class MapHint(_message.Message):
+    __slots__ = ("kind", "client_id", "text")
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    CLIENT_ID_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    kind: MapHintKind
+    client_id: str
+    text: str
+    def __init__(self, kind: _Optional[_Union[MapHintKind, str]] = ..., client_id: _Optional[str] = ..., text: _Optional[str] = ...) -> None: ...
 
 class MergedMap(_message.Message):
     __slots__ = ("map_id", "target_from_source", "client_ids", "scale")

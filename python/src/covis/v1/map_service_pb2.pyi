@@ -371,7 +371,7 @@ class WatchMapResponse(_message.Message):
     def __init__(self, delta: _Optional[_Union[MapDelta, _Mapping]] = ...) -> None: ...
 
 class MapDelta(_message.Message):
-    __slots__ = ("base_revision", "revision", "reset", "part_index", "last_part", "state", "cameras", "rigs", "keyframes", "landmarks", "constraints", "removed_keyframes", "removed_landmarks", "removed_constraints", "client_frames", "map_uid")
+    __slots__ = ("base_revision", "revision", "reset", "part_index", "last_part", "state", "cameras", "rigs", "keyframes", "landmarks", "constraints", "removed_keyframes", "removed_landmarks", "removed_constraints", "client_frames", "map_uid", "pending_work")
     BASE_REVISION_FIELD_NUMBER: _ClassVar[int]
     REVISION_FIELD_NUMBER: _ClassVar[int]
     RESET_FIELD_NUMBER: _ClassVar[int]
@@ -388,6 +388,7 @@ class MapDelta(_message.Message):
     REMOVED_CONSTRAINTS_FIELD_NUMBER: _ClassVar[int]
     CLIENT_FRAMES_FIELD_NUMBER: _ClassVar[int]
     MAP_UID_FIELD_NUMBER: _ClassVar[int]
+    PENDING_WORK_FIELD_NUMBER: _ClassVar[int]
     base_revision: int
     revision: int
     reset: bool
@@ -404,4 +405,5 @@ class MapDelta(_message.Message):
     removed_constraints: _containers.RepeatedCompositeFieldContainer[_constraint_pb2.ConstraintRef]
     client_frames: _containers.RepeatedCompositeFieldContainer[_map_pb2.ClientFrame]
     map_uid: str
-    def __init__(self, base_revision: _Optional[int] = ..., revision: _Optional[int] = ..., reset: bool = ..., part_index: _Optional[int] = ..., last_part: bool = ..., state: _Optional[_Union[_map_pb2.MapState, str]] = ..., cameras: _Optional[_Iterable[_Union[_camera_pb2.Camera, _Mapping]]] = ..., rigs: _Optional[_Iterable[_Union[_camera_pb2.Rig, _Mapping]]] = ..., keyframes: _Optional[_Iterable[_Union[KeyframePose, _Mapping]]] = ..., landmarks: _Optional[_Iterable[_Union[_map_pb2.Landmark, _Mapping]]] = ..., constraints: _Optional[_Iterable[_Union[_constraint_pb2.Constraint, _Mapping]]] = ..., removed_keyframes: _Optional[_Iterable[_Union[_map_pb2.KeyframeRef, _Mapping]]] = ..., removed_landmarks: _Optional[_Iterable[_Union[_map_pb2.LandmarkRef, _Mapping]]] = ..., removed_constraints: _Optional[_Iterable[_Union[_constraint_pb2.ConstraintRef, _Mapping]]] = ..., client_frames: _Optional[_Iterable[_Union[_map_pb2.ClientFrame, _Mapping]]] = ..., map_uid: _Optional[str] = ...) -> None: ...
+    pending_work: _map_pb2.PendingWork
+    def __init__(self, base_revision: _Optional[int] = ..., revision: _Optional[int] = ..., reset: bool = ..., part_index: _Optional[int] = ..., last_part: bool = ..., state: _Optional[_Union[_map_pb2.MapState, str]] = ..., cameras: _Optional[_Iterable[_Union[_camera_pb2.Camera, _Mapping]]] = ..., rigs: _Optional[_Iterable[_Union[_camera_pb2.Rig, _Mapping]]] = ..., keyframes: _Optional[_Iterable[_Union[KeyframePose, _Mapping]]] = ..., landmarks: _Optional[_Iterable[_Union[_map_pb2.Landmark, _Mapping]]] = ..., constraints: _Optional[_Iterable[_Union[_constraint_pb2.Constraint, _Mapping]]] = ..., removed_keyframes: _Optional[_Iterable[_Union[_map_pb2.KeyframeRef, _Mapping]]] = ..., removed_landmarks: _Optional[_Iterable[_Union[_map_pb2.LandmarkRef, _Mapping]]] = ..., removed_constraints: _Optional[_Iterable[_Union[_constraint_pb2.ConstraintRef, _Mapping]]] = ..., client_frames: _Optional[_Iterable[_Union[_map_pb2.ClientFrame, _Mapping]]] = ..., map_uid: _Optional[str] = ..., pending_work: _Optional[_Union[_map_pb2.PendingWork, _Mapping]] = ...) -> None: ...
