@@ -247,3 +247,35 @@ def test_a_mirror_follows_the_map_over_a_broken_link(client, linked, proxy):
     client.delete_map("room")
     with pytest.raises(covis.NotFound):
         watched.wait_until(lambda: False, GUARD_S)
+
+
+def test_items_without_an_answer_are_given_back_and_the_next_session_sends_them(client, linked, proxy):
+    retry = covis.RetryPolicy(max_attempts=3, first_delay_s=0.0, longest_delay_s=0.0)
+    session = linked.ingest("room", "robot", retry=retry)
+    send(session, 0)
+    session.wait_durable(timeout=GUARD_S)
+    assert not session.unanswered
+    # The acks of these are lost with the link, and the link does not come back.
+    proxy.hold(True)
+    sent = send(session, 1, 2, 3)
+    proxy.close()
+    proxy.cut()
+    with pytest.raises(covis.RetriesExhausted):
+        session.flush(GUARD_S)
+    assert [request.sequence for request in session.unanswered] == sent
+    with client.ingest("room", "robot") as again:
+        for request in session.unanswered:
+            again.send(request, sequence=request.sequence)
+        report = again.finish(GUARD_S)
+    assert (report.acknowledged, report.rejected) == (3, 0)
+    assert client.get_map("room").counts.keyframe_count == 4
+
+
+def test_a_wait_until_the_map_is_settled_goes_on_over_a_broken_link(client, linked, proxy):
+    with linked.ingest("room", "robot", retry=AT_ONCE) as session:
+        send(session, *range(6))
+        proxy.cut()
+        session.wait_settled(GUARD_S)
+        assert session.report.optimized_through == 7
+    linked.wait_settled("room", GUARD_S)
+    assert client.get_map("room").pending_work == v1.PendingWork()

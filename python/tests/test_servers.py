@@ -5,6 +5,7 @@ then; who has it is a real one.
 """
 
 import asyncio
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 
 import covis
@@ -58,6 +59,76 @@ def elsewhere(server):
     running = Elsewhere(server.url)
     yield running
     running.stop()
+
+
+class Starting(grpc.GenericRpcHandler):
+    """In front of a server: refuses the first two calls of each method, with a reason as one that still
+    opens its maps, without one as a link that breaks. Then it hands calls on."""
+
+    def __init__(self, server, reason):
+        self._reason = reason
+        self.calls = Counter()
+        self._behind = grpc.insecure_channel(server.url.removeprefix("http://"))
+        self._server = grpc.server(ThreadPoolExecutor(8), handlers=[self])
+        self.url = f"http://127.0.0.1:{self._server.add_insecure_port('127.0.0.1:0')}"
+        self._server.start()
+
+    def service(self, call):
+        name = call.method.rpartition("/")[2]
+
+        def answer(requests, context):
+            self.calls[name] += 1
+            if self.calls[name] > 2 or name == "Check":
+                answers = self._behind.stream_stream(call.method)(requests)
+                try:
+                    yield from answers
+                except grpc.RpcError:
+                    context.set_trailing_metadata(answers.trailing_metadata())
+                    context.abort(answers.code(), answers.details())
+                return
+            if self._reason:
+                packed = Any()
+                packed.Pack(ErrorInfo(reason=self._reason, domain="covis"))
+                status = Status(code=14, details=[packed]).SerializeToString()
+                context.set_trailing_metadata((("grpc-status-details-bin", status),))
+            context.abort(grpc.StatusCode.UNAVAILABLE, "not now")
+
+        return grpc.stream_stream_rpc_method_handler(answer)
+
+    def stop(self):
+        self._server.stop(None).wait(GUARD_S)
+        self._behind.close()
+
+
+def test_calls_wait_for_a_server_that_still_opens_its_maps(server, connect):
+    starting = Starting(server, "STARTING")
+    with connect(starting.url) as client:
+        with client.ingest("room", "robot", retry=QUICK) as session:
+            session.camera(0, *SIZE, K)
+            session.keyframe(**keyframe(0))
+            session.wait_settled(GUARD_S)
+        client.server_info()
+    wanted = {"GetMap", "CreateMap", "GetServerInfo", "Ingest"}
+    assert wanted <= {name for name, count in starting.calls.items() if count > 2}
+    starting.stop()
+    with covis.connect(server.url) as direct:
+        assert direct.get_map("room").counts.keyframe_count == 1
+
+
+def test_over_a_link_that_breaks_only_calls_that_change_nothing_are_made_again(server):
+    breaking = Starting(server, None)
+    with covis.connect(breaking.url, link=LinkOptions(retry=QUICK)) as client:
+        assert client.list_maps() == []
+        assert breaking.calls["ListMaps"] == 3
+        with pytest.raises(covis.RpcError) as broken:
+            client.create_map("room")
+        assert (broken.value.code, breaking.calls["CreateMap"]) == (grpc.StatusCode.UNAVAILABLE, 1)
+    once = RetryPolicy(max_attempts=1)
+    with covis.connect(breaking.url, link=LinkOptions(retry=once)) as client:
+        with pytest.raises(covis.RpcError, match="GetServerInfo: not now"):
+            client.server_info()
+    assert breaking.calls["GetServerInfo"] == 1
+    breaking.stop()
 
 
 def test_the_first_server_that_answers_is_taken(server, tmp_path):

@@ -31,6 +31,26 @@ def test_a_session_sends_takes_acks_and_reports(client):
     assert report.revision == client.get_map("room").revision
 
 
+def test_a_session_waits_until_every_place_is_searched(client):
+    descriptors = np.random.default_rng(7).integers(0, 256, (len(LANDMARKS), 32), np.uint8)
+    with client.ingest("room", "robot") as session:
+        session.camera(0, *SIZE, K)
+        for id in range(6):
+            session.keyframe(**keyframe(id), descriptors=descriptors, descriptor_name="orb")
+        session.wait_settled(GUARD_S)
+        assert client.get_map("room").pending_work == v1.PendingWork()
+        pages = client.answers(v1.ListPlaceSearchesRequest(map_id="room"))
+        assert sum(len(page.searches) for page in pages) == 6
+        with client.watch("room") as watched:
+            assert watched.pending_work == v1.PendingWork()
+    before = client.map_digests("room")
+    assert len(before.state_hash) == 32
+    client.wait_settled("room", GUARD_S)
+    assert client.map_digests("room") == before
+    with pytest.raises(covis.NotFound):
+        client.wait_settled("hall", GUARD_S)
+
+
 def test_landmarks_are_declared_once_also_by_the_next_session(client):
     with client.ingest("room", "robot") as session:
         send(session, 0, 1)
@@ -89,6 +109,29 @@ def test_what_is_too_large_or_out_of_order_is_not_sent(client):
         send(session, 1)
         assert session.finish(GUARD_S).acknowledged == 2
     assert client.get_map("room").counts.landmark_count == 60
+
+
+def test_the_error_that_ends_a_session_has_the_items_without_an_answer(client, linked, proxy):
+    retry = covis.RetryPolicy(max_attempts=2, first_delay_s=0.0, longest_delay_s=0.0)
+    with pytest.raises(covis.RetriesExhausted) as given_up:
+        with linked.ingest("room", "robot", retry=retry) as session:
+            send(session, 0)
+            session.wait_durable(timeout=GUARD_S)
+            proxy.hold(True)
+            send(session, 1, 2)
+            session.set_camera(covis.camera(0, *SIZE, K, [0.01, 0, 0, 0]))
+            proxy.close()
+            proxy.cut()
+            session.flush(GUARD_S)
+    kept = given_up.value.unanswered
+    assert [request.WhichOneof("item") for request in kept] == ["keyframe", "keyframe", "set_camera"]
+    assert session.unanswered == kept
+    with client.ingest("room", "robot") as again:
+        for request in kept:
+            again.send(request, sequence=request.sequence)
+        with pytest.raises(TypeError, match="without an item"):
+            again.send(v1.IngestRequest())
+        assert again.finish(GUARD_S).acknowledged == 3
 
 
 def test_arguments_that_do_not_fit_send_nothing(client):

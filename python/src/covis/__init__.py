@@ -20,6 +20,7 @@ from importlib.metadata import version as _version
 from . import aio, v1
 from ._connect import camera
 from ._link import LinkOptions
+from ._maps import MapDigests
 from ._mirror import Closure, MapChanges
 from ._poses import join_pose, split_pose
 from ._problems import BundleSolution, Localization, PoseGraphSolution
@@ -38,6 +39,7 @@ from .errors import (
     InvalidUrl,
     ItemsLost,
     JobFailed,
+    MapNotOpen,
     MapReplaced,
     NotDurable,
     NotFound,
@@ -97,6 +99,8 @@ __all__ = [
     "Localization",
     "Map",
     "MapChanges",
+    "MapDigests",
+    "MapNotOpen",
     "MapReplaced",
     "NotDurable",
     "NotFound",

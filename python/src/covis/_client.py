@@ -1,7 +1,7 @@
 """A connection to a server, and its calls.
 
 Streamed and paged answers are collected here. Calls with one answer that solve nothing have a deadline
-(`LinkOptions.deadline_s`). A call is made once: whether it may be repeated is the caller's to know.
+(`LinkOptions.deadline_s`), within which those that may be repeated are (`LinkOptions.retry`).
 """
 
 from __future__ import annotations
@@ -17,16 +17,18 @@ from typing import Any
 import numpy.typing as npt
 from google.protobuf.message import Message
 
-from . import _files, _problems, errors
+from . import _files, _maps, _problems, errors
 from ._link import Link
 from ._map import Map, WatchOptions
-from ._mirror import MapChanges, seconds
-from ._poses import from_message
+from ._maps import MapDigests
+from ._mirror import MapChanges
 from ._problems import BundleSolution, Localization, PoseGraphSolution
 from ._retry import Retries, RetryPolicy
 from ._server import LocalServer
 from ._session import Session
+from ._settled import wait_settled
 from ._stream import SessionOptions
+from ._wait import within
 from .errors import RejectedItem
 from .trajectory import Trajectory
 from .v1 import (
@@ -42,7 +44,6 @@ from .v1 import (
     GetMapRequest,
     GetServerInfoRequest,
     GetServerInfoResponse,
-    GetTrajectoryRequest,
     ImportMapHeader,
     ImportMapRequest,
     IngestAck,
@@ -125,6 +126,22 @@ class Client:
         """One map with its policy and counts. Raises `NotFound`."""
         return _map_of(await self._link.unary(GetMapRequest(map_id=map_id)))
 
+    async def map_digests(self, map_id: str) -> MapDigests:
+        """Digests of what a map holds, by which maps of servers of one version are compared."""
+        return await _maps.digests(self._link, map_id)
+
+    async def wait_settled(
+        self, map_id: str, timeout: float | None = None, retry: RetryPolicy = RetryPolicy()
+    ) -> None:
+        """Waits until a map is settled: the server does nothing more to it by itself.
+
+        Solves have covered all items of all clients, no place is still to be searched, no adjustment
+        after loop closures is due or runs, and no requested optimization runs. A map that others go on
+        sending to may not settle for as long as they do. Raises `NotFound`; `MapNotOpen` where the map is
+        frozen or poisoned and its work waits; `TimeoutError`; `RetriesExhausted`.
+        """
+        await within(timeout, wait_settled(self._link.apart(), map_id, retry), "not settled")
+
     async def list_maps(self) -> list[MapInfo]:
         """All maps by `map_id`."""
         maps: list[MapInfo] = []
@@ -168,7 +185,7 @@ class Client:
         Raises `NotFound`, `FailedPrecondition` for a frozen map, `RetriesExhausted`.
         """
         if create:
-            await self._ensure(map_id, policy)
+            await _maps.ensure(self._link, map_id, policy, retry)
         options = SessionOptions(
             max_unanswered, lock_step, omit_solve_summary, retry, on_ack, on_rejected
         )
@@ -209,17 +226,7 @@ class Client:
 
     async def trajectory(self, map_id: str, client_id: str | None = None) -> Trajectory:
         """The poses of one client's keyframes; of the only client by default."""
-        request = GetTrajectoryRequest(map_id=map_id, client_id=client_id or "")
-        rows, clients = [], set()
-        async with aclosing(self._link.answers(request)) as parts:  # type: ignore[type-var]
-            async for part in parts:
-                for pose in part.poses:
-                    clients.add(pose.keyframe.client_id)
-                    row = (seconds(pose.capture_time), pose.keyframe.id)
-                    rows.append((*row, from_message(pose.world_from_camera)))
-        if len(clients) > 1:
-            raise ValueError(f"map {map_id} has clients {sorted(clients)}: say which")
-        return Trajectory.of_rows(rows)
+        return await _maps.trajectory(self._link, map_id, client_id)
 
     async def export_map(
         self, map_id: str, folder: str | os.PathLike[str], format: str = "colmap-binary"
@@ -486,16 +493,6 @@ class Client:
                 if job.state in _ENDED:
                     return job
         raise errors.Protocol("WatchJob: the stream ended before the job")
-
-    async def _ensure(self, map_id: str, policy: MapPolicy | None) -> None:
-        try:
-            await self.get_map(map_id)
-        except errors.NotFound:
-            try:
-                await self.create_map(map_id, policy)
-            except errors.AlreadyExists:
-                # Another client was quicker.
-                pass
 
 
 def _map_of(answer: Any) -> MapInfo:

@@ -47,6 +47,14 @@ def field_of(item: Message) -> int:
     return number
 
 
+def member_of(request: IngestRequest) -> tuple[int, Any]:
+    """The number of the item that a request has, and the item."""
+    name = request.WhichOneof("item")
+    if name is None or name == "open":
+        raise TypeError("an IngestRequest without an item")
+    return IngestRequest.DESCRIPTOR.fields_by_name[name].number, getattr(request, name)
+
+
 def head(sequence: int, field: int, size: int) -> bytes:
     """An `IngestRequest` up to its item of so many bytes."""
     start = _rows.tag(1, _rows.VARINT) + _rows.varint(sequence) + _rows.tag(field, _rows.LENGTH)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import asyncio
 import copy
+import dataclasses
 import ipaddress
 import itertools
 from collections.abc import AsyncIterator, Iterable, Iterator
@@ -26,6 +27,7 @@ from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 
 from . import errors
+from ._retry import Retries, RetryPolicy
 from .v1 import (
     ingest_service_pb2,
     job_service_pb2,
@@ -69,6 +71,8 @@ class LinkOptions:
     """How long a call with one answer may take, those that solve left out."""
     compress: bool = False
     """Messages travel compressed (gzip), for links that are slow."""
+    retry: RetryPolicy = RetryPolicy()
+    """How often a call with one answer is made again, within its deadline: see `errors.may_repeat`."""
 
     def _channel_options(self, is_loopback: bool) -> list[tuple[str, int]]:
         options = [
@@ -154,6 +158,7 @@ class Link:
 
     def __init__(self, urls: str, credentials: Credentials, options: LinkOptions) -> None:
         self._deadline = options.deadline_s
+        self._retry = options.retry
         self._timeout = options.connect_timeout_s
         self._given = [url.strip() for url in urls.split(",")]
         self._servers = _Servers(credentials, options)
@@ -164,6 +169,11 @@ class Link:
     def url(self) -> str:
         """The address that calls go to."""
         return self._at.url
+
+    @property
+    def deadline_s(self) -> float:
+        """How long a call with one answer may take, those that solve left out."""
+        return self._deadline
 
     def apart(self) -> Link:
         """One that goes its own ways from here on, for what follows one map."""
@@ -214,11 +224,33 @@ class Link:
         path = _path(METHODS[request.DESCRIPTOR.full_name])
         return self._at.channel.stream_stream(path, None, decode)(metadata=self._at.metadata)
 
-    async def unary(self, request: Message, timeout: float | None = None, solves: bool = False) -> Any:
-        """Makes a call with one answer."""
-        method = METHODS[request.DESCRIPTOR.full_name]
+    async def unary(
+        self,
+        request: Message,
+        timeout: float | None = None,
+        solves: bool = False,
+        retry: RetryPolicy | None = None,
+    ) -> Any:
+        """Makes a call with one answer, and again where it may be repeated, by the link's retries."""
         if timeout is None and not solves:
             timeout = self._deadline
+        policy = self._retry if retry is None else retry
+        limits = [limit for limit in (policy.give_up_after_s, timeout) if limit is not None]
+        retries = Retries(dataclasses.replace(policy, give_up_after_s=min(limits, default=None)))
+        while True:
+            try:
+                return await self.unary_once(request, timeout)
+            except errors.RpcError as error:
+                if not errors.may_repeat(error):
+                    raise
+                try:
+                    await retries.wait(error)
+                except errors.RetriesExhausted:
+                    raise error from None
+
+    async def unary_once(self, request: Message, timeout: float | None) -> Any:
+        """Makes a call with one answer, also for those who have retries of their own."""
+        method = METHODS[request.DESCRIPTOR.full_name]
         decode = GetMessageClass(method.output_type).FromString
         for followed in itertools.count():
             call = self._at.channel.unary_unary(_path(method), _encode, decode)

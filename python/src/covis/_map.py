@@ -21,7 +21,7 @@ from ._retry import Retries, RetryPolicy
 from ._stream import _call
 from ._wait import Signal, end, within
 from .trajectory import Trajectory
-from .v1 import Camera, Constraint, MapDelta, MapState, WatchMapRequest
+from .v1 import Camera, Constraint, MapDelta, MapState, PendingWork, WatchMapRequest
 
 T = TypeVar("T")
 
@@ -84,6 +84,12 @@ class Map:
     def state(self) -> str:
         """Whether the map takes changes: "open", "frozen" or "poisoned"."""
         return MapState.Name(self._mirror.state).removeprefix("MAP_STATE_").lower()  # type: ignore[arg-type]
+
+    @property
+    def pending_work(self) -> PendingWork | None:
+        """What the server still did to the map by itself when it sent the last delta; `None` from an
+        earlier server. See `Client.wait_settled`."""
+        return self._mirror.pending_work
 
     @property
     def clients(self) -> list[str]:

@@ -14,7 +14,16 @@ import numpy as np
 from . import _poses
 from .errors import Protocol
 from .noise import unpack_symmetric
-from .v1 import Camera, ClientFrame, Constraint, ConstraintKind, KeyframePose, Landmark, MapDelta
+from .v1 import (
+    Camera,
+    ClientFrame,
+    Constraint,
+    ConstraintKind,
+    KeyframePose,
+    Landmark,
+    MapDelta,
+    PendingWork,
+)
 
 Array = _poses.Array
 Key = tuple[str, int]
@@ -67,6 +76,7 @@ class Mirror:
         """The map's uid; empty before the first delta."""
         self.revision = 0
         self.state = 0
+        self.pending_work: PendingWork | None = None
         self.clear()
 
     def clear(self) -> None:
@@ -108,6 +118,7 @@ class Mirror:
     def _apply_part(self, part: MapDelta, changes: MapChanges) -> None:
         self.state = part.state
         self.uid = part.map_uid
+        self.pending_work = part.pending_work if part.HasField("pending_work") else None
         for camera in part.cameras:
             self.cameras[camera.client_id, camera.id] = camera
             self.clients.add(camera.client_id)

@@ -51,6 +51,11 @@ class Outbox:
         """Whether everything was sent and nothing waits for an answer."""
         return not self._unsent and all(e.is_received for e in self._entries.values())
 
+    @property
+    def requests(self) -> list[bytes]:
+        """The messages of all entries, by sequence."""
+        return [entry.request for entry in list(self._entries.values())]
+
     def push(self, sequence: int, request: bytes) -> None:
         """Appends an item, whose sequence is above all before."""
         self._entries[sequence] = Entry(request)

@@ -14,23 +14,23 @@ import numpy as np
 import numpy.typing as npt
 from google.protobuf.message import Message
 
-from . import _items, _poses
+from . import _constraints, _items, _poses
+from ._constraints import Ref
 from ._items import Time
 from ._link import Link
+from ._retry import Retries
+from ._settled import wait_settled
 from ._stream import IngestReport, SessionOptions, Stream
 from ._wait import within
-from .errors import NotDurable, Rejected, RejectedItem, SequenceOrder, TooLarge
-from .noise import pack_symmetric
+from .errors import CovisError, NotDurable, Rejected, RejectedItem, SequenceOrder, TooLarge
 from .v1 import (
     Camera,
     ConstraintKind,
     FuseLandmarks,
     GeodeticPosition,
     IngestOpened,
-    InformationMatrix3,
-    InformationMatrix6,
+    IngestRequest,
     Keyframe,
-    KeyframeRef,
     LandmarkBatch,
     ListLandmarksRequest,
     ObservationBatch,
@@ -38,10 +38,7 @@ from .v1 import (
     PositionPrior,
     RelativePoseConstraint,
     RemoveLandmarks,
-    Vector3,
 )
-
-Ref = int | tuple[str, int]
 
 # Items that no solve follows, relative poses that are no loop closures besides.
 _WITHOUT_SOLVE = (Camera.DESCRIPTOR.full_name, LandmarkBatch.DESCRIPTOR.full_name)
@@ -57,6 +54,7 @@ class Session:
         self._link = link
         self._map_id = map_id
         self._client_id = client_id
+        self._options = options
         self._stream = Stream(link, map_id, client_id, options)
         self._last_sequence = 0
         self._cameras: set[int] = set()
@@ -69,10 +67,17 @@ class Session:
             # An earlier session of this client may have sent landmarks: they are not declared again.
             request = ListLandmarksRequest(map_id=self._map_id)
             request.read_mask.paths.append("id")
-            async for page in self._link.answers(request):
-                self._landmarks.update(
-                    mark.id for mark in page.landmarks if mark.client_id == self._client_id
-                )
+            retries = Retries(self._options.retry)
+            while True:
+                try:
+                    async for page in self._link.answers(request):
+                        self._landmarks.update(
+                            mark.id for mark in page.landmarks if mark.client_id == self._client_id
+                        )
+                    return
+                except CovisError as error:
+                    self._link.follow(error)
+                    await retries.wait(error)
 
     async def __aenter__(self) -> Session:
         return self
@@ -92,6 +97,17 @@ class Session:
     def next_sequence(self) -> int:
         """The sequence that the next item gets."""
         return max(self.opened.next_sequence, self._last_sequence + 1)
+
+    @property
+    def unanswered(self) -> tuple[IngestRequest, ...]:
+        """The items that the server may not have, by sequence: those without an answer, and on a durable
+        server those that are not on its disk yet.
+
+        They stay when the session has ended, and the error that ended it has them too. Another session
+        sends them by `send(request, sequence=request.sequence)`, which is harmless where the server has
+        them.
+        """
+        return self._stream.unanswered
 
     @property
     def report(self) -> IngestReport:
@@ -200,7 +216,7 @@ class Session:
             2, pixels, landmark_ids, depths, sigmas, descriptors, sigma_px,
             descriptor_name, descriptor_kind,
         )  # fmt: skip
-        head = ObservationBatch(keyframe=_ref(keyframe))
+        head = ObservationBatch(keyframe=_constraints.ref(keyframe))
         return await self._send(_items.field_of(head), head.SerializeToString() + seen, True)
 
     async def landmarks(self, ids: npt.ArrayLike, points: npt.ArrayLike | None = None) -> int:
@@ -225,7 +241,7 @@ class Session:
         A keyframe of another client is (client, id).
         """
         kind = ConstraintKind.CONSTRAINT_KIND_LOOP_CLOSURE
-        return await self.send(_relative_pose(id, keyframe_i, keyframe_j, i_from_j, information, kind))
+        return await self.send(_constraints.relative_pose(id, keyframe_i, keyframe_j, i_from_j, information, kind))
 
     async def odometry(
         self,
@@ -237,7 +253,7 @@ class Session:
     ) -> int:
         """Adds a relative pose that tracking or wheels measured; arguments as in `closure`."""
         kind = ConstraintKind.CONSTRAINT_KIND_ODOMETRY
-        return await self.send(_relative_pose(id, keyframe_i, keyframe_j, i_from_j, information, kind))
+        return await self.send(_constraints.relative_pose(id, keyframe_i, keyframe_j, i_from_j, information, kind))
 
     async def position_prior(
         self,
@@ -254,43 +270,48 @@ class Session:
         `geodetic` is (latitude in degrees, longitude in degrees, height in m) in place of
         `point_in_world`, for maps with an anchor. `point_in_camera` is the lever arm, m.
         """
-        item = PositionPrior(id=id, keyframe=_ref(keyframe))
-        item.information.CopyFrom(_information3(information))
+        item = PositionPrior(id=id, keyframe=_constraints.ref(keyframe))
+        item.information.CopyFrom(_constraints.information3(information))
         if point_in_world is not None:
-            item.point_in_world.CopyFrom(_vector3("point_in_world", point_in_world))
+            item.point_in_world.CopyFrom(_constraints.vector3("point_in_world", point_in_world))
         if geodetic is not None:
             latitude, longitude, height = geodetic
             item.geodetic_point.CopyFrom(
                 GeodeticPosition(latitude_deg=latitude, longitude_deg=longitude, height_m=height)
             )
         if point_in_camera is not None:
-            item.point_in_camera.CopyFrom(_vector3("point_in_camera", point_in_camera))
+            item.point_in_camera.CopyFrom(_constraints.vector3("point_in_camera", point_in_camera))
         return await self.send(item)
 
     async def pose_prior(
         self, id: int, keyframe: Ref, world_from_camera: npt.ArrayLike, information: npt.ArrayLike
     ) -> int:
         """Adds a measured pose, 4×4, with its 6×6 information, translation first."""
-        item = PosePrior(id=id, keyframe=_ref(keyframe))
+        item = PosePrior(id=id, keyframe=_constraints.ref(keyframe))
         item.world_from_camera.CopyFrom(_poses.rigid("world_from_camera", world_from_camera))
-        item.information.CopyFrom(_information6(information))
+        item.information.CopyFrom(_constraints.information6(information))
         return await self.send(item)
 
     async def send(self, item: Message, *, sequence: int | None = None) -> int:
-        """Sends an item of the wire, an edit for instance, and returns its sequence.
+        """Sends an item of the wire, an edit for instance, or the item of an `IngestRequest`, and returns
+        its sequence.
 
         `sequence` is above all before on this session. One below `next_sequence` of a fresh session
         sends an item again that an earlier session may have sent: the server compares the two.
         """
+        field: int | None = None
+        if isinstance(item, IngestRequest):
+            field, item = _items.member_of(item)
         name = item.DESCRIPTOR.full_name
         loop_closure = ConstraintKind.CONSTRAINT_KIND_LOOP_CLOSURE
         is_odometry = isinstance(item, RelativePoseConstraint) and item.kind != loop_closure
-        is_solved = name not in _WITHOUT_SOLVE and not is_odometry
+        is_set_camera = field == _items.SET_CAMERA
+        is_solved = is_set_camera or (name not in _WITHOUT_SOLVE and not is_odometry)
         new = item.landmarks if isinstance(item, (Keyframe, LandmarkBatch)) else ()
         declared = {mark.id for mark in new} - self._landmarks
-        field, payload = _items.field_of(item), item.SerializeToString()
+        field, payload = field or _items.field_of(item), item.SerializeToString()
         sent = await self._send(field, payload, is_solved, sequence=sequence, declared=declared)
-        if isinstance(item, Camera):
+        if isinstance(item, Camera) and not is_set_camera:
             self._cameras.add(item.id)
         gone = item.landmarks if isinstance(item, RemoveLandmarks) else ()
         gone = item.absorbed if isinstance(item, FuseLandmarks) else gone
@@ -323,6 +344,15 @@ class Session:
         `wait_durable` does.
         """
         await self._covered("optimized", sequence, timeout, "not optimized")
+
+    async def wait_settled(self, timeout: float | None = None) -> None:
+        """Waits until everything sent so far is answered and the map is settled: see
+        `Client.wait_settled`."""
+        await within(timeout, self._settled(), "not settled")
+
+    async def _settled(self) -> None:
+        await self.flush()
+        await wait_settled(self._link.apart(), self._map_id, self._options.retry)
 
     async def finish(self, timeout: float | None = None) -> IngestReport:
         """Half-closes the stream, waits for all acks, those of pending solves too, and reports.
@@ -434,41 +464,3 @@ class Session:
     def _forget(self, declared: AbstractSet[int]) -> None:
         """Landmarks of an item that was refused are not in the map."""
         self._landmarks -= declared
-
-
-def _ref(keyframe: Ref) -> KeyframeRef:
-    client_id, id = ("", keyframe) if isinstance(keyframe, (int, np.integer)) else keyframe
-    return KeyframeRef(client_id=client_id, id=int(id))
-
-
-def _vector3(name: str, value: npt.ArrayLike) -> Vector3:
-    x, y, z = _poses.shaped(name, value, 3).tolist()
-    return Vector3(x=x, y=y, z=z)
-
-
-def _information3(value: npt.ArrayLike) -> InformationMatrix3:
-    matrix = _poses.shaped("information", value, 3, 3)
-    return InformationMatrix3(upper_triangle=pack_symmetric(matrix, "information"))
-
-
-def _information6(value: npt.ArrayLike) -> InformationMatrix6:
-    matrix = _poses.shaped("information", value, 6, 6)
-    return InformationMatrix6(upper_triangle=pack_symmetric(matrix, "information"))
-
-
-def _relative_pose(
-    id: int,
-    keyframe_i: Ref,
-    keyframe_j: Ref,
-    i_from_j: npt.ArrayLike,
-    information: npt.ArrayLike,
-    kind: ConstraintKind,
-) -> RelativePoseConstraint:
-    return RelativePoseConstraint(
-        id=id,
-        keyframe_i=_ref(keyframe_i),
-        keyframe_j=_ref(keyframe_j),
-        keyframe_i_from_keyframe_j=_poses.rigid("i_from_j", i_from_j),
-        information=_information6(information),
-        kind=kind,
-    )

@@ -125,6 +125,11 @@ class Stream:
         return self._first
 
     @property
+    def unanswered(self) -> tuple[IngestRequest, ...]:
+        """The items that the server may not have, by sequence."""
+        return tuple(IngestRequest.FromString(request) for request in self._outbox.requests)
+
+    @property
     def is_in_memory(self) -> bool:
         """Whether DURABLE never comes."""
         return self.first.durability == Durability.DURABILITY_IN_MEMORY
@@ -206,6 +211,8 @@ class Stream:
                     self._link.follow(error)
                     await self._retries.wait(await self._explain(error))
         except Exception as error:  # A bug of ours too must reach those who wait.
+            if isinstance(error, errors.CovisError):
+                error.unanswered = self.unanswered
             self._failure = error
         finally:
             self._changed.fire()
@@ -213,7 +220,7 @@ class Stream:
     async def _stream(self) -> None:
         """One stream from opening to its end; returns once everything is answered."""
         if self._instance_id is None:
-            info = await self._link.unary(GetServerInfoRequest())
+            info = await self._link.unary_once(GetServerInfoRequest(), self._link.deadline_s)
             self._instance_id = info.instance_id
         call = self._link.raw_stream(IngestRequest, IngestResponse.FromString)
         try:
@@ -373,7 +380,7 @@ class Stream:
             return errors.Fenced(self._map_id, self._client_id)
         if error.code == grpc.StatusCode.NOT_FOUND and self._first is not None:
             try:
-                info = await self._link.unary(GetServerInfoRequest())
+                info = await self._link.unary_once(GetServerInfoRequest(), self._link.deadline_s)
             except errors.CovisError:
                 return error
             if info.instance_id != self._instance_id:

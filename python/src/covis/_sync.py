@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from . import _client, _connect, _map, _session
+from ._constraints import Ref
 from ._items import Time
 from ._link import LinkOptions
 from ._loop import Blocking, iterate, run
+from ._maps import MapDigests
 from ._mirror import Array, Closure, Key, MapChanges
 from ._problems import BundleSolution, Localization, PoseGraphSolution
 from ._retry import RetryPolicy
-from ._session import Ref
 from ._stream import IngestReport
 from .errors import RejectedItem
 from .trajectory import Trajectory
@@ -29,6 +30,7 @@ from .v1 import (
     GetServerInfoResponse,
     IngestAck,
     IngestOpened,
+    IngestRequest,
     IterationSummary,
     Job,
     JobSpec,
@@ -36,6 +38,7 @@ from .v1 import (
     Map as MapInfo,
     MapPolicy,
     OptimizeMapResult,
+    PendingWork,
 )
 
 
@@ -76,6 +79,20 @@ class Client(Blocking[_client.Client]):
     def get_map(self, map_id: str) -> MapInfo:
         """One map with its policy and counts. Raises `NotFound`."""
         return run(self._twin.get_map(map_id))
+
+    def map_digests(self, map_id: str) -> MapDigests:
+        """Digests of what a map holds, by which maps of servers of one version are compared."""
+        return run(self._twin.map_digests(map_id))
+
+    def wait_settled(self, map_id: str, timeout: float | None=None, retry: RetryPolicy=RetryPolicy()) -> None:
+        """Waits until a map is settled: the server does nothing more to it by itself.
+
+        Solves have covered all items of all clients, no place is still to be searched, no adjustment
+        after loop closures is due or runs, and no requested optimization runs. A map that others go on
+        sending to may not settle for as long as they do. Raises `NotFound`; `MapNotOpen` where the map is
+        frozen or poisoned and its work waits; `TimeoutError`; `RetriesExhausted`.
+        """
+        run(self._twin.wait_settled(map_id, timeout, retry))
 
     def list_maps(self) -> list[MapInfo]:
         """All maps by `map_id`."""
@@ -237,6 +254,17 @@ class Session(Blocking[_session.Session]):
         return self._twin.next_sequence
 
     @property
+    def unanswered(self) -> tuple[IngestRequest, ...]:
+        """The items that the server may not have, by sequence: those without an answer, and on a durable
+        server those that are not on its disk yet.
+
+        They stay when the session has ended, and the error that ended it has them too. Another session
+        sends them by `send(request, sequence=request.sequence)`, which is harmless where the server has
+        them.
+        """
+        return self._twin.unanswered
+
+    @property
     def report(self) -> IngestReport:
         """How far the session has come."""
         return self._twin.report
@@ -310,7 +338,8 @@ class Session(Blocking[_session.Session]):
         return run(self._twin.pose_prior(id, keyframe, world_from_camera, information))
 
     def send(self, item: Message, *, sequence: int | None=None) -> int:
-        """Sends an item of the wire, an edit for instance, and returns its sequence.
+        """Sends an item of the wire, an edit for instance, or the item of an `IngestRequest`, and returns
+        its sequence.
 
         `sequence` is above all before on this session. One below `next_sequence` of a fresh session
         sends an item again that an earlier session may have sent: the server compares the two.
@@ -340,6 +369,12 @@ class Session(Blocking[_session.Session]):
         `wait_durable` does.
         """
         run(self._twin.wait_optimized(sequence, timeout))
+
+    def wait_settled(self, timeout: float | None=None) -> None:
+        """Waits until everything sent so far is answered and the map is settled: see
+        `Client.wait_settled`.
+        """
+        run(self._twin.wait_settled(timeout))
 
     def finish(self, timeout: float | None=None) -> IngestReport:
         """Half-closes the stream, waits for all acks, those of pending solves too, and reports.
@@ -373,6 +408,13 @@ class Map(Blocking[_map.Map]):
     def state(self) -> str:
         """Whether the map takes changes: "open", "frozen" or "poisoned"."""
         return self._twin.state
+
+    @property
+    def pending_work(self) -> PendingWork | None:
+        """What the server still did to the map by itself when it sent the last delta; `None` from an
+        earlier server. See `Client.wait_settled`.
+        """
+        return self._twin.pending_work
 
     @property
     def clients(self) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any
 import grpc
 from google.rpc import error_details_pb2, status_pb2
 
-from .v1 import ItemViolation, Job, ViolationReason
+from .v1 import IngestRequest, ItemViolation, Job, ViolationReason
 
 _DOMAIN = "covis"
 _DETAILS = "grpc-status-details-bin"
@@ -44,6 +44,9 @@ class RejectedItem:
 
 class CovisError(Exception):
     """Base of all errors of this package."""
+
+    unanswered: tuple[IngestRequest, ...] = ()
+    """`Session.unanswered` of the session that ended with this error."""
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -154,6 +157,15 @@ class ServerRestarted(CovisError):
         )
 
 
+class MapNotOpen(CovisError):
+    """A map that does not settle, because it takes no changes: its work waits."""
+
+    def __init__(self, map_id: str, state: str) -> None:
+        super().__init__(f"map {map_id} is {state}: the work that it has left waits until it is open")
+        self.state = state
+        """"frozen" or "poisoned"."""
+
+
 class ItemsLost(CovisError):
     """The server no longer has items that it had acknowledged."""
 
@@ -164,7 +176,10 @@ class ItemsLost(CovisError):
 
 
 class RetriesExhausted(CovisError, ConnectionError):
-    """The link did not come back within the retries. `__cause__` is what the last attempt ended with."""
+    """The link did not come back within the retries. `__cause__` is what the last attempt ended with.
+
+    `unanswered` has the items that the session had no answer to.
+    """
 
     def __init__(self, attempts: int, last: CovisError) -> None:
         super().__init__(f"gave up after {attempts} attempts: {last}")
@@ -299,6 +314,20 @@ def broken(rpc: str, text: str) -> RpcError:
 def is_transient(error: CovisError) -> bool:
     """Whether trying again may help."""
     return isinstance(error, Unreachable) or (isinstance(error, RpcError) and error.is_transient)
+
+
+_NOT_BEGUN = ("STARTING", "MAP_MOVING", "MAP_OWNED_ELSEWHERE")
+"""Reasons of UNAVAILABLE with which nothing of the call was done."""
+_HARMLESS = ("Get", "List", "Localize", "RefinePose", "Solve", "CreateJob")
+"""How calls begin that change nothing, or nothing when they are made again."""
+
+
+def may_repeat(error: RpcError) -> bool:
+    """Whether a call with one answer may be made again: the server or the link was not there
+    (UNAVAILABLE), and the server says that it did nothing of the call, or the call changes nothing."""
+    if error.code != grpc.StatusCode.UNAVAILABLE:
+        return False
+    return error.reason in _NOT_BEGUN or error.rpc.startswith(_HARMLESS)
 
 
 def violation(message: ItemViolation) -> Violation:
