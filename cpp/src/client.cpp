@@ -3,10 +3,22 @@
 #include "covis/client.hpp"
 
 #include <algorithm>
+#include <thread>
 
 #include "link.hpp"
+#include "retry.hpp"
+#include "settled.hpp"
 
 namespace covis {
+
+struct detail::Attempts {
+    explicit Attempts(const RetryPolicy& policy) : retries(policy) {}
+
+    Retries retries;
+    int followed = 0;
+    /// The deadline of all of them together.
+    std::optional<std::chrono::system_clock::time_point> until;
+};
 
 Client::Client(std::shared_ptr<const detail::Link> link) : link_(std::move(link)) {}
 
@@ -19,8 +31,39 @@ Client Client::connect(const std::string& url, const ConnectOptions& options) {
 std::string Client::url() const { return link_->url(); }
 std::shared_ptr<grpc::Channel> Client::channel() const { return link_->channel(); }
 
-bool Client::follows(const Error& error, int followed) const {
-    return link_->follow(error) && followed < detail::kMostFollowed;
+std::shared_ptr<detail::Attempts> Client::begin(Timeout timeout, const RetryPolicy* retry) const {
+    RetryPolicy policy = retry != nullptr ? *retry : link_->retry();
+    if (timeout) {
+        policy.give_up_after = std::min(*timeout, policy.give_up_after.value_or(*timeout));
+    }
+    auto attempts = std::make_shared<detail::Attempts>(policy);
+    if (timeout) {
+        attempts->until = std::chrono::system_clock::now() + *timeout;
+    }
+    return attempts;
+}
+
+void Client::prepare(grpc::ClientContext& context, const detail::Attempts& attempts) const {
+    link_->prepare(context);
+    if (attempts.until) {
+        context.set_deadline(*attempts.until);
+    }
+}
+
+bool Client::repeats(const Error& error, detail::Attempts& attempts) const {
+    if (link_->follow(error)) {
+        return attempts.followed++ < detail::kMostFollowed;
+    }
+    if (!error.may_repeat()) {
+        return false;
+    }
+    const auto next = attempts.retries.next(error, detail::Clock::now());
+    const auto* wait = std::get_if<std::chrono::nanoseconds>(&next);
+    if (wait == nullptr) {
+        return false;
+    }
+    std::this_thread::sleep_for(*wait);
+    return true;
 }
 
 void Client::prepare(grpc::ClientContext& context, Timeout timeout) const {
@@ -30,17 +73,24 @@ void Client::prepare(grpc::ClientContext& context, Timeout timeout) const {
     }
 }
 
-void Client::create_if_missing(const std::string& map_id, const std::optional<v1::MapPolicy>& policy) const {
+void Client::create_if_missing(const std::string& map_id, const SessionOptions& options) const {
+    v1::GetMapRequest wanted;
+    wanted.set_map_id(map_id);
     try {
-        get_map(map_id);
+        call_with(&v1::MapService::Stub::GetMap, wanted, link_->deadline(), &options.retry);
         return;
     } catch (const Error& error) {
         if (error.code() != grpc::StatusCode::NOT_FOUND) {
             throw;
         }
     }
+    v1::CreateMapRequest request;
+    request.set_map_id(map_id);
+    if (options.policy) {
+        *request.mutable_policy() = *options.policy;
+    }
     try {
-        create_map(map_id, policy);
+        call_with(&v1::MapService::Stub::CreateMap, request, link_->deadline(), &options.retry);
     } catch (const Error& error) {
         // Another client was quicker.
         if (error.code() != grpc::StatusCode::ALREADY_EXISTS) {
@@ -51,7 +101,7 @@ void Client::create_if_missing(const std::string& map_id, const std::optional<v1
 
 Session Client::ingest(const std::string& map_id, const std::string& client_id, SessionOptions options) {
     if (options.create) {
-        create_if_missing(map_id, options.policy);
+        create_if_missing(map_id, options);
     }
     return Session::open(link_->apart(), map_id, client_id, std::move(options));
 }
@@ -77,6 +127,10 @@ v1::Map Client::get_map(const std::string& map_id) const {
     v1::GetMapRequest request;
     request.set_map_id(map_id);
     return call(&v1::MapService::Stub::GetMap, request, link_->deadline()).map();
+}
+
+void Client::wait_settled(const std::string& map_id, Timeout timeout, const RetryPolicy& retry) const {
+    detail::wait_settled(*link_->apart(), map_id, timeout, retry);
 }
 
 void Client::delete_map(const std::string& map_id) const {

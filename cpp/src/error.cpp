@@ -55,6 +55,7 @@ Error::Error(ErrorKind kind, const std::string& text, std::shared_ptr<const Deta
 
 Error Error::of_call(const std::string& rpc, const grpc::Status& status) {
     auto details = std::make_shared<Details>();
+    details->rpc = rpc;
     details->code = status.error_code();
     client::status::Status carried;
     if (carried.ParseFromString(status.error_details())) {
@@ -118,6 +119,23 @@ const std::string* Error::owner() const noexcept {
     const auto found = details_->metadata.find("owner");
     const bool is_elsewhere = details_->reason == "MAP_OWNED_ELSEWHERE";
     return is_elsewhere && found != details_->metadata.end() ? &found->second : nullptr;
+}
+
+bool Error::may_repeat() const noexcept {
+    if (kind_ != ErrorKind::kRpc || details_->code != grpc::StatusCode::UNAVAILABLE) {
+        return false;
+    }
+    for (const char* reason : {"STARTING", "MAP_MOVING", "MAP_OWNED_ELSEWHERE"}) {
+        if (details_->reason == reason) {
+            return true;
+        }
+    }
+    for (const char* start : {"Get", "List", "Localize", "RefinePose", "Solve", "CreateJob"}) {
+        if (details_->rpc.rfind(start, 0) == 0) {
+            return true;
+        }
+    }
+    return false;
 }
 
 bool Error::is_transient() const noexcept {

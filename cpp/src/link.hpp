@@ -31,6 +31,7 @@ class Link {
     /// The address that calls go to.
     std::string url() const { return at().url; }
     std::chrono::milliseconds deadline() const { return options_.link.deadline; }
+    const RetryPolicy& retry() const { return options_.link.retry; }
     std::shared_ptr<grpc::Channel> channel() const { return at().channel; }
     /// Goes to the first server to which the connection stands; throws `kUnreachable` of the first.
     void check() const;

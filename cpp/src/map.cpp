@@ -167,6 +167,10 @@ v1::MapState Map::state() const {
     return state_->read([](const auto& mirror) { return mirror.state; });
 }
 
+std::optional<v1::PendingWork> Map::pending_work() const {
+    return state_->read([](const auto& mirror) { return mirror.pending_work; });
+}
+
 std::set<std::string> Map::clients() const {
     return state_->read([](const auto& mirror) { return mirror.clients; });
 }

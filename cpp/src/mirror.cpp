@@ -50,6 +50,10 @@ MapChanges Mirror::apply(const std::vector<v1::MapDelta>& parts, std::optional<E
 void Mirror::apply_part(const v1::MapDelta& part, MapChanges& changes) {
     state = part.state();
     uid = part.map_uid();
+    pending_work.reset();
+    if (part.has_pending_work()) {
+        pending_work = part.pending_work();
+    }
     for (const auto& camera : part.cameras()) {
         cameras[ref_of(camera)] = camera;
         clients.insert(camera.client_id());

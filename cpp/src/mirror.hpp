@@ -21,6 +21,7 @@ struct Mirror {
     std::string uid;
     std::int64_t revision = 0;
     v1::MapState state = v1::MAP_STATE_UNSPECIFIED;
+    std::optional<v1::PendingWork> pending_work;
     /// Those that own something, or did since the last reset.
     std::set<std::string> clients;
     std::map<Ref, v1::Camera> cameras;

@@ -11,6 +11,14 @@ bool Outbox::is_answered() const {
                                           [](const auto& entry) { return entry.second.is_received; });
 }
 
+std::vector<Request> Outbox::requests() const {
+    std::vector<Request> all;
+    for (const auto& [sequence, entry] : entries_) {
+        all.push_back(entry.request);
+    }
+    return all;
+}
+
 void Outbox::push(Request request) {
     const std::int64_t sequence = request->sequence();
     entries_[sequence].request = std::move(request);

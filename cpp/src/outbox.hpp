@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "covis/v1/ingest_service.pb.h"
 
@@ -40,6 +41,9 @@ class Outbox {
     bool is_answered() const;
     /// The highest sequence that only the server holds.
     std::int64_t released() const { return released_; }
+
+    /// The messages of all entries, by sequence.
+    std::vector<Request> requests() const;
 
     /// Appends an item, whose sequence is above all before.
     void push(Request request);

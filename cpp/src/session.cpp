@@ -8,6 +8,7 @@
 #include <set>
 
 #include "covis/v1/map_service.grpc.pb.h"
+#include "settled.hpp"
 #include "stream.hpp"
 
 namespace covis {
@@ -104,15 +105,19 @@ void set_center(Model& model, double fx, double fy, double cx, double cy) {
 }  // namespace
 
 struct Session::State {
+    std::shared_ptr<const detail::Link> link;
+    std::string map_id;
     std::string client_id;
+    RetryPolicy retry;
     detail::Stream stream;
     /// Held while an item is made and handed over: items are numbered in the order of the calls.
     std::mutex sending;
     std::set<std::int64_t> cameras;
 
-    State(std::shared_ptr<const detail::Link> link, const std::string& map_id, const std::string& client,
+    State(std::shared_ptr<const detail::Link> to, const std::string& map, const std::string& client,
           SessionOptions options)
-        : client_id(client), stream(std::move(link), map_id, client, std::move(options)) {}
+        : link(std::move(to)), map_id(map), client_id(client), retry(options.retry),
+          stream(link, map, client, std::move(options)) {}
 
     std::int64_t camera_of(const Keyframe& keyframe) const {
         if (keyframe.camera) {
@@ -127,7 +132,7 @@ struct Session::State {
     }
 
     /// Sends an item. `sending` is held.
-    std::int64_t send(v1::IngestRequest item) {
+    std::int64_t send(v1::IngestRequest item, std::optional<std::int64_t> number = {}) {
         std::vector<std::int64_t> named;
         const auto& added = item.has_keyframe() ? item.keyframe().landmarks() : item.landmarks().landmarks();
         for (const auto& landmark : added) {
@@ -147,7 +152,7 @@ struct Session::State {
         const bool has_camera = item.has_camera();
         const std::int64_t camera = item.camera().id();
         const bool is_waited_for = is_solved(item);
-        const auto sequence = stream.send(std::move(item), is_waited_for, stream.unknown(named));
+        const auto sequence = stream.send(std::move(item), is_waited_for, stream.unknown(named), number);
         if (has_camera) {
             cameras.insert(camera);
         }
@@ -293,10 +298,12 @@ std::int64_t Session::pose_prior(std::int64_t id, const Ref& keyframe, const Pos
     return send(std::move(item));
 }
 
-std::int64_t Session::send(v1::IngestRequest item) {
+std::int64_t Session::send(v1::IngestRequest item, std::optional<std::int64_t> sequence) {
     const std::lock_guard<std::mutex> lock(state_->sending);
-    return state_->send(std::move(item));
+    return state_->send(std::move(item), sequence);
 }
+
+std::vector<v1::IngestRequest> Session::unanswered() const { return state_->stream.unanswered(); }
 
 void Session::flush(Timeout timeout) {
     state_->stream.wait(detail::By::kAnswer, {}, timeout, false, "no answers");
@@ -308,6 +315,16 @@ void Session::wait_durable(std::optional<std::int64_t> sequence, Timeout timeout
 
 void Session::wait_optimized(std::optional<std::int64_t> sequence, Timeout timeout) {
     state_->stream.wait(detail::By::kOptimized, sequence, timeout, true, "not optimized");
+}
+
+void Session::wait_settled(Timeout timeout) {
+    const auto begin = detail::Clock::now();
+    flush(timeout);
+    if (timeout) {
+        const auto took = std::chrono::duration_cast<std::chrono::milliseconds>(detail::Clock::now() - begin);
+        timeout = std::max(*timeout - took, std::chrono::milliseconds(0));
+    }
+    detail::wait_settled(*state_->link->apart(), state_->map_id, timeout, state_->retry);
 }
 
 IngestReport Session::finish(Timeout timeout) {

@@ -46,6 +46,8 @@ class Stream {
     bool is_in_memory() const { return first_.durability() == v1::DURABILITY_IN_MEMORY; }
     std::int64_t next_sequence() const;
     IngestReport report() const;
+    /// The items that the server may not have, by sequence.
+    std::vector<v1::IngestRequest> unanswered() const;
 
     /// Landmarks that the map has, or will have from items that are on their way.
     void know(const std::vector<std::int64_t>& landmarks);
@@ -53,9 +55,10 @@ class Stream {
     /// Those of `landmarks` that are not known, each once, in order.
     std::vector<std::int64_t> unknown(const std::vector<std::int64_t>& landmarks) const;
 
-    /// Numbers an item, waits until there is room and hands it over. `declared` are landmarks that it
-    /// makes known. Only one thread may send at a time.
-    std::int64_t send(v1::IngestRequest item, bool is_solved, std::vector<std::int64_t> declared);
+    /// Numbers an item, by default as the next one, waits until there is room and hands it over.
+    /// `declared` are landmarks that it makes known. Only one thread may send at a time.
+    std::int64_t send(v1::IngestRequest item, bool is_solved, std::vector<std::int64_t> declared,
+                      std::optional<std::int64_t> number);
     /// Waits until nothing up to `sequence` (by default all that was sent) waits for the ack, and
     /// throws `kRejected` where that item, or one that nobody was told of, was refused.
     void wait(By by, std::optional<std::int64_t> sequence, Timeout timeout, bool tells_refusals,

@@ -46,9 +46,23 @@ std::vector<std::int64_t> Stream::unknown(const std::vector<std::int64_t>& landm
     return {found.begin(), found.end()};
 }
 
-std::int64_t Stream::send(v1::IngestRequest item, bool is_solved, std::vector<std::int64_t> declared) {
+std::vector<v1::IngestRequest> Stream::unanswered() const {
+    const Lock lock(mutex_);
+    std::vector<v1::IngestRequest> all;
+    for (const auto& request : outbox_.requests()) {
+        all.push_back(*request);
+    }
+    return all;
+}
+
+std::int64_t Stream::send(v1::IngestRequest item, bool is_solved, std::vector<std::int64_t> declared,
+                          std::optional<std::int64_t> number) {
     Lock lock(mutex_);
-    const std::int64_t sequence = std::max(first_.next_sequence(), last_sequence_ + 1);
+    const std::int64_t sequence = number.value_or(std::max(first_.next_sequence(), last_sequence_ + 1));
+    if (sequence <= last_sequence_) {
+        throw Error(ErrorKind::kArgument, "sequence " + std::to_string(sequence) + " is not above " +
+                                              std::to_string(last_sequence_));
+    }
     item.set_sequence(sequence);
     const std::size_t size = item.ByteSizeLong();
     if (size > static_cast<std::size_t>(first_.max_message_bytes())) {

@@ -18,7 +18,7 @@ from covis import IngestReport, LinkOptions, RejectedItem, RetryPolicy, Violatio
 KINDS = (
     "argument", "invalid_url", "invalid_token", "token_in_plain_text", "unreachable", "protocol",
     "too_large", "rejected", "not_durable", "fenced", "map_replaced", "server_restarted", "items_lost",
-    "retries_exhausted", "closed", "timeout", "callback", "rpc",
+    "map_not_open", "retries_exhausted", "closed", "timeout", "callback", "rpc",
 )  # fmt: skip
 """`covis::ErrorKind`, in its order."""
 
@@ -123,6 +123,9 @@ class Client:
         opened = driver.ask("ingest", map_id, client_id, int(lock_step), max_unanswered, *_retry(retry))
         return Session(driver, opened, on_ack)
 
+    def wait_settled(self, map_id, timeout=None):
+        self._calls.ask("settled", map_id, _ms(timeout))
+
     def watch(self, map_id, *, retry=RetryPolicy()):
         driver = self._driver()
         driver.ask("watch", map_id, *_retry(retry))
@@ -180,6 +183,15 @@ class Session:
 
     def wait_optimized(self, sequence=None, timeout=None):
         self._driver.ask("wait_optimized", sequence or 0, _ms(timeout))
+
+    def wait_settled(self, timeout=None):
+        self._driver.ask("wait_settled", _ms(timeout))
+
+    @property
+    def unanswered(self):
+        """As requests of the wire, in hexadecimal digits from the driver."""
+        found = self._driver.ask("unanswered")["items"]
+        return tuple(v1.IngestRequest.FromString(bytes.fromhex(item)) for item in found)
 
     def finish(self, timeout=None):
         self._driver.ask("finish", _ms(timeout))

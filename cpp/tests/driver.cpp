@@ -141,6 +141,20 @@ class Driver {
         } else if (command == "wait_optimized") {
             const auto sequence = optional_sequence(words);
             session_->wait_optimized(sequence, timeout(words));
+        } else if (command == "wait_settled") {
+            session_->wait_settled(timeout(words));
+        } else if (command == "settled") {
+            const auto map_id = read<std::string>(words);
+            client_->wait_settled(map_id, timeout(words));
+        } else if (command == "unanswered") {
+            json.list("items", session_->unanswered(), [](Json& out, const covis::v1::IngestRequest& item) {
+                std::string digits;
+                for (const unsigned char byte : item.SerializeAsString()) {
+                    digits += "0123456789abcdef"[byte >> 4];
+                    digits += "0123456789abcdef"[byte & 15];
+                }
+                out.quote(digits);
+            });
         } else if (command == "finish") {
             session_->finish(timeout(words));
         } else if (command == "abort") {

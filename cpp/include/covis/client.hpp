@@ -1,5 +1,5 @@
-//! A connection to a server, and its calls. A call is made once: whether it may be repeated is the
-//! caller's to know.
+//! A connection to a server, and its calls. A call with one answer is made again where it may be
+//! repeated (`Error::may_repeat`); of others that is the caller's to know.
 
 #pragma once
 
@@ -18,6 +18,11 @@
 #include "covis/v1/server_service.grpc.pb.h"
 
 namespace covis {
+
+namespace detail {
+/// What is known of the attempts of a call.
+struct Attempts;
+}  // namespace detail
 
 /// A keyframe's pose and its time.
 struct TimedPose {
@@ -53,6 +58,12 @@ class Client {
     v1::Map create_map(const std::string& map_id, const std::optional<v1::MapPolicy>& policy = {}) const;
     /// One map with its policy and counts. Throws `kRpc` with NOT_FOUND.
     v1::Map get_map(const std::string& map_id) const;
+    /// Waits until a map is settled: the server does nothing more to it by itself. Solves have covered all
+    /// items of all clients, no place is still to be searched, no adjustment after loop closures is due or
+    /// runs, and no requested optimization runs. A map that others go on sending to may not settle for as
+    /// long as they do. Throws `kRpc` with NOT_FOUND; `kMapNotOpen` where the map is frozen or poisoned
+    /// and its work waits; `kTimeout`; `kRetriesExhausted`.
+    void wait_settled(const std::string& map_id, Timeout timeout = {}, const RetryPolicy& retry = {}) const;
     /// Deletes a map with its journal. Throws `kRpc` with NOT_FOUND.
     void delete_map(const std::string& map_id) const;
     /// The poses of one client's keyframes by time; of all clients' by default.
@@ -67,20 +78,7 @@ class Client {
     template <class Service, class Question, class Answer>
     Answer call(grpc::Status (Service::*method)(grpc::ClientContext*, const Question&, Answer*),
                 const Question& request, Timeout timeout = {}) const {
-        for (int followed = 0;; ++followed) {
-            grpc::ClientContext context;
-            prepare(context, timeout);
-            Service stub(channel());
-            Answer answer;
-            const grpc::Status status = (stub.*method)(&context, request, &answer);
-            if (status.ok()) {
-                return answer;
-            }
-            const Error error = Error::of_request(Question::descriptor()->name(), status);
-            if (!follows(error, followed)) {
-                throw Error(error);
-            }
-        }
+        return call_with(method, request, timeout, nullptr);
     }
 
     /// The channel, for stubs of the program's own; `prepare` puts the token on a call.
@@ -89,9 +87,32 @@ class Client {
 
   private:
     explicit Client(std::shared_ptr<const detail::Link> link);
-    /// Whether the call is made again, at the server that the error names.
-    bool follows(const Error& error, int followed) const;
-    void create_if_missing(const std::string& map_id, const std::optional<v1::MapPolicy>& policy) const;
+    /// Makes a call; without a policy by the retries of the link.
+    template <class Service, class Question, class Answer>
+    Answer call_with(grpc::Status (Service::*method)(grpc::ClientContext*, const Question&, Answer*),
+                     const Question& request, Timeout timeout, const RetryPolicy* retry) const {
+        const auto attempts = begin(timeout, retry);
+        while (true) {
+            grpc::ClientContext context;
+            prepare(context, *attempts);
+            Service stub(channel());
+            Answer answer;
+            const grpc::Status status = (stub.*method)(&context, request, &answer);
+            if (status.ok()) {
+                return answer;
+            }
+            const Error error = Error::of_request(Question::descriptor()->name(), status);
+            if (!repeats(error, *attempts)) {
+                throw Error(error);
+            }
+        }
+    }
+
+    std::shared_ptr<detail::Attempts> begin(Timeout timeout, const RetryPolicy* retry) const;
+    void prepare(grpc::ClientContext& context, const detail::Attempts& attempts) const;
+    /// Whether the call is made again, at the server that the error names or after a wait.
+    bool repeats(const Error& error, detail::Attempts& attempts) const;
+    void create_if_missing(const std::string& map_id, const SessionOptions& options) const;
 
     std::shared_ptr<const detail::Link> link_;
 };

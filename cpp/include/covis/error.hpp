@@ -60,6 +60,8 @@ enum class ErrorKind {
     kServerRestarted,
     /// The server no longer has items that it had acknowledged.
     kItemsLost,
+    /// A map that does not settle, because it takes no changes: its work waits.
+    kMapNotOpen,
     /// The link did not come back within the retries: `attempts`, `cause`.
     kRetriesExhausted,
     /// The session or the watch has ended.
@@ -107,11 +109,15 @@ class Error : public std::runtime_error {
     const Error* cause() const noexcept { return details_->cause.get(); }
     /// Whether trying again may help: the link broke, or the server is full or shutting down.
     bool is_transient() const noexcept;
+    /// Whether a call with one answer may be made again: the server or the link was not there
+    /// (UNAVAILABLE), and the server says that it did nothing of the call, or the call changes nothing.
+    bool may_repeat() const noexcept;
 
   private:
     struct Details {
         std::vector<Violation> violations;
         std::vector<RejectedItem> items;
+        std::string rpc;
         grpc::StatusCode code = grpc::StatusCode::OK;
         std::string reason;
         std::map<std::string, std::string> metadata;

@@ -51,6 +51,9 @@ class Map {
     std::int64_t revision() const;
     /// Whether the map takes changes.
     v1::MapState state() const;
+    /// What the server still did to the map by itself when it sent the last delta; nothing from an earlier
+    /// server. See `Client::wait_settled`.
+    std::optional<v1::PendingWork> pending_work() const;
     /// Those that own something in the map.
     std::set<std::string> clients() const;
     /// `world_from_camera` of each keyframe.

@@ -22,34 +22,6 @@ namespace covis {
 /// How long a call may wait; without a value for as long as it takes.
 using Timeout = std::optional<std::chrono::milliseconds>;
 
-/// Times of a link, and how it is used.
-struct LinkOptions {
-    /// How long a connection may take to stand.
-    std::chrono::milliseconds connect_timeout{10'000};
-    /// A connection is probed (HTTP/2 PING) after so long without a word from the server.
-    std::chrono::milliseconds keep_alive{10'000};
-    /// It is given up when a probe is not answered for so long.
-    std::chrono::milliseconds keep_alive_timeout{10'000};
-    /// How long a call with one answer may take, those that solve left out.
-    std::chrono::milliseconds deadline{30'000};
-    /// Messages travel compressed (gzip), for links that are slow.
-    bool compress = false;
-};
-
-/// What a client shows, and whom it trusts.
-struct ConnectOptions {
-    /// One of the server's tokens, or a JSON Web Token. By default that of `token_file`, else of the
-    /// variables `COVIS_TOKEN_FILE` and `COVIS_TOKEN`.
-    std::optional<std::string> token;
-    std::string token_file;
-    /// File with the authorities (PEM) that are trusted instead of those of the system.
-    std::string ca_file;
-    /// The client's own certificate and key (PEM), for mutual TLS; both or none.
-    std::string cert_file;
-    std::string key_file;
-    LinkOptions link;
-};
-
 /// When a broken link is given up. Attempt k waits min(first · 2^k, longest), shortened at random by up
 /// to a half, and never less than what the server asked for. Attempts are counted since the last
 /// progress.
@@ -64,6 +36,36 @@ struct RetryPolicy {
     Timeout give_up_after;
     /// What the random part of the waits is drawn from, for runs that must repeat exactly.
     std::optional<std::uint64_t> seed;
+};
+
+/// Times of a link, and how it is used.
+struct LinkOptions {
+    /// How long a connection may take to stand.
+    std::chrono::milliseconds connect_timeout{10'000};
+    /// A connection is probed (HTTP/2 PING) after so long without a word from the server.
+    std::chrono::milliseconds keep_alive{10'000};
+    /// It is given up when a probe is not answered for so long.
+    std::chrono::milliseconds keep_alive_timeout{10'000};
+    /// How long a call with one answer may take, those that solve left out.
+    std::chrono::milliseconds deadline{30'000};
+    /// Messages travel compressed (gzip), for links that are slow.
+    bool compress = false;
+    /// How often a call with one answer is made again, within its deadline: see `Error::may_repeat`.
+    RetryPolicy retry;
+};
+
+/// What a client shows, and whom it trusts.
+struct ConnectOptions {
+    /// One of the server's tokens, or a JSON Web Token. By default that of `token_file`, else of the
+    /// variables `COVIS_TOKEN_FILE` and `COVIS_TOKEN`.
+    std::optional<std::string> token;
+    std::string token_file;
+    /// File with the authorities (PEM) that are trusted instead of those of the system.
+    std::string ca_file;
+    /// The client's own certificate and key (PEM), for mutual TLS; both or none.
+    std::string cert_file;
+    std::string key_file;
+    LinkOptions link;
 };
 
 /// How a session behaves. Callbacks run on a thread of the session: they must not block and not call

@@ -98,8 +98,14 @@ class Session {
     /// Adds a measured pose.
     std::int64_t pose_prior(std::int64_t id, const Ref& keyframe, const Pose& world_from_camera,
                             const Information6& information);
-    /// Sends any item of the wire, an edit for instance. Its sequence is set here.
-    std::int64_t send(v1::IngestRequest item);
+    /// Sends any item of the wire, an edit for instance. Its sequence is the next one, or a given one that
+    /// is above all before on this session: one below `next_sequence` of a fresh session sends an item
+    /// again that an earlier session may have sent, and the server compares the two.
+    std::int64_t send(v1::IngestRequest item, std::optional<std::int64_t> sequence = {});
+    /// The items that the server may not have, by sequence: those without an answer, and on a durable
+    /// server those that are not on its disk yet. They stay when the session has ended; another one sends
+    /// them by `send(item, item.sequence())`, which is harmless where the server has them.
+    std::vector<v1::IngestRequest> unanswered() const;
 
     /// Waits until every item sent so far is answered.
     void flush(Timeout timeout = {});
@@ -110,6 +116,9 @@ class Session {
     /// Waits until solves have covered the item and those before it, by default all sent so far. Items
     /// that no solve follows (cameras, landmarks, odometry) do not wait. Throws as `wait_durable` does.
     void wait_optimized(std::optional<std::int64_t> sequence = {}, Timeout timeout = {});
+    /// Waits until everything sent so far is answered and the map is settled: see
+    /// `Client::wait_settled`.
+    void wait_settled(Timeout timeout = {});
     /// Half-closes the stream, waits for all acks, those of pending solves too, and reports. Throws
     /// `kRejected` where items were refused of which nobody was told yet, else why the session ended
     /// before that. After `kTimeout` the session still ends by itself.
