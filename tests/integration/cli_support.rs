@@ -3,7 +3,7 @@
 //! Every run starts in an empty folder and with no `COVIS_*` variable but those it is given, so that
 //! neither a developer's `covis.toml` nor the environment leaks into a test.
 
-use std::io::{BufRead, BufReader, Read, Seek};
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
@@ -135,6 +135,7 @@ pub(crate) struct Running {
     pub(crate) child: Process,
     pub(crate) url: String,
     pub(crate) port: Port,
+    log: tempfile::NamedTempFile,
 }
 
 impl Running {
@@ -163,20 +164,23 @@ impl Running {
         let address = format!("127.0.0.1:{}", port.number);
         command.args(["serve", "--listen", &address, "--threads", "1", "--data-dir"]);
         command.arg(folder).args(arguments);
-        let mut log = tempfile::tempfile().unwrap();
-        command.stdout(Stdio::piped()).stderr(log.try_clone().unwrap());
+        let log = tempfile::NamedTempFile::new().unwrap();
+        command.stdout(Stdio::piped()).stderr(log.reopen().unwrap());
         let mut child = Process::spawn(&mut command);
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let Some(line) = lines.next() else {
-            let mut why = String::new();
-            log.rewind().unwrap();
-            log.read_to_string(&mut why).unwrap();
+            let why = fs_err::read_to_string(log.path()).unwrap();
             panic!("the server ended, {}: {why}", child.wait().unwrap());
         };
         let url = line.unwrap().strip_prefix("listening on ").unwrap().to_owned();
         let kept = lines.next().unwrap().unwrap();
         assert_eq!(kept, format!("maps are kept in {}", folder.display()));
-        Self { child, url, port }
+        Self { child, url, port, log }
+    }
+
+    /// What it has logged so far.
+    pub(crate) fn log(&self) -> String {
+        fs_err::read_to_string(self.log.path()).unwrap()
     }
 
     /// SIGTERM: drained, and the exit code.

@@ -73,6 +73,7 @@ mod power;
 mod process;
 mod proto_compat;
 mod proxy;
+mod random_calls;
 mod reference;
 mod relocalization;
 mod replay;
