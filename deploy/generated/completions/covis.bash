@@ -4240,7 +4240,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__bundle)
-            opts="-h --max-iterations --loss --json --out --report --fix-intrinsics --linear-solver --behind-camera --rebuild --blocks --workers --worker-memory-mib --scratch --threads --config --log --log-format --help"
+            opts="-h --max-iterations --loss --json --out --report --fix-intrinsics --free-intrinsics --linear-solver --behind-camera --rebuild --blocks --workers --worker-memory-mib --scratch --threads --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4260,6 +4260,10 @@ _covis() {
                     ;;
                 --report)
                     COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --free-intrinsics)
+                    COMPREPLY=($(compgen -W "focal-length principal-point distortion" -- "${cur}"))
                     return 0
                     ;;
                 --linear-solver)

@@ -697,6 +697,9 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l loss -d 'Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l out -d 'Write the solved problem in the input\'s own format, with 17 digits' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l free-intrinsics -d 'Which intrinsics are free, of those that the model of a camera has: a list with commas' -r -f -a "focal-length\t'One focal length or two, as the model has'
+principal-point\t'The principal point'
+distortion\t'The coefficients of the distortion'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l linear-solver -d 'How the reduced camera system is stored and factored' -r -f -a "auto\t'Whichever suits the problem'
 dense-schur\t'A dense factorization'
 sparse-schur\t'A sparse factorization'
