@@ -27,6 +27,8 @@ const WHOLE: usize = 1024;
 /// Columns of a panel of larger ones, and rows that are solved for at a time.
 const PANEL: usize = 128;
 const STRIP: usize = 2048;
+/// Rows of blocks that are copied between two looks at what may interrupt.
+const ROWS: usize = 32;
 
 /// A dense factorization, to be renewed for each set of values.
 pub struct DenseCholesky {
@@ -78,7 +80,7 @@ impl DenseCholesky {
     ) -> Result<(), LinearError> {
         self.factored = false;
         check_system(&self.pattern, matrix, added_diagonal)?;
-        self.scatter(matrix, added_diagonal);
+        self.scatter(matrix, added_diagonal, interrupt)?;
         if let Some(scalar) = self.factor_panels(interrupt)? {
             let block = self.pattern.block_of(scalar);
             return Err(LinearError::NotPositiveDefinite { block, scalar });
@@ -140,16 +142,29 @@ impl DenseCholesky {
         Ok(None)
     }
 
-    fn scatter(&mut self, matrix: &BlockMatrix, added_diagonal: &[f64]) {
+    /// Fills the lower triangle. The first time its memory comes page by page, which takes a sixth of a
+    /// second for 6,000 scalars: it ends where `interrupt` is due.
+    fn scatter(
+        &mut self,
+        matrix: &BlockMatrix,
+        added_diagonal: &[f64],
+        interrupt: &Interrupt,
+    ) -> Result<(), LinearError> {
         let pattern = self.pattern.as_ref();
         let dimension = pattern.dimension();
         for c in 0..dimension {
+            if c.is_multiple_of(PANEL) && interrupt.is_due() {
+                return Err(LinearError::Interrupted);
+            }
             self.factor.col_as_slice_mut(c)[c..].fill(0.0);
         }
         for i in 0..pattern.block_count() {
             let rows = pattern.sizes()[i];
             if rows == 0 {
                 continue;
+            }
+            if i.is_multiple_of(ROWS) && interrupt.is_due() {
+                return Err(LinearError::Interrupted);
             }
             let top = pattern.offset(i);
             for (block, &j) in pattern.row_range(i).zip(pattern.row(i)) {
@@ -164,6 +179,7 @@ impl DenseCholesky {
         for (k, added) in added_diagonal.iter().enumerate() {
             self.factor[(k, k)] += added;
         }
+        Ok(())
     }
 
     /// Solves in place with the last factor; without one, or with a vector of another length,
