@@ -22,6 +22,12 @@ use crate::map::{MergeError, Reason, Rejection};
 use crate::store::StoreError;
 use crate::wire::v1::JobFailure;
 
+/// Most bytes of a status' message, and of a description of a field. A status travels in headers, and
+/// clients take 16 KiB of them: what a caller sent is not repeated at any length.
+const MESSAGE: usize = 1024;
+const DESCRIPTION: usize = 256;
+/// Most bytes of all violations of a status.
+const VIOLATIONS: usize = 4096;
 /// `ErrorInfo.domain`.
 const DOMAIN: &str = "covis";
 /// Retry delay when a map or the server is full.
@@ -69,6 +75,18 @@ impl Parts {
         self
     }
 
+    /// Cuts what would not fit the headers.
+    fn fitting(mut self) -> Self {
+        shorten(&mut self.message, MESSAGE);
+        let mut bytes = 0;
+        self.violations.retain_mut(|violation| {
+            shorten(&mut violation.description, DESCRIPTION);
+            bytes += violation.field.len() + violation.description.len();
+            bytes <= VIOLATIONS
+        });
+        self
+    }
+
     fn status(self) -> Status {
         let mut details = ErrorDetails::new();
         let metadata: HashMap<String, String> =
@@ -81,6 +99,15 @@ impl Parts {
             details.set_retry_info(self.retry);
         }
         Status::with_error_details(self.code, self.message, details)
+    }
+}
+
+/// Cuts a text to at most so many bytes.
+fn shorten(text: &mut String, most: usize) {
+    const MARK: &str = "…";
+    if text.len() > most {
+        text.truncate(text.floor_char_boundary(most - MARK.len()));
+        text.push_str(MARK);
     }
 }
 
@@ -148,6 +175,7 @@ impl From<ServiceError> for Status {
             ServiceError::Transport { code, message } => Parts::new(code, "TRANSPORT", message),
             ServiceError::Panicked { message } => bug(None, &message),
         }
+        .fitting()
         .status()
     }
 }

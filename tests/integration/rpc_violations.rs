@@ -2,6 +2,7 @@
 //! read.
 
 use covis::wire::v1;
+use tonic_types::StatusExt;
 use v1::ViolationReason as Reason;
 use v1::ingest_request::Item;
 
@@ -73,5 +74,23 @@ fn all_that_is_wrong_with_an_item_is_reported_at_once() {
         assert_eq!(refused_fields(&mut stream, 104, item).await, fields(&expected));
         let good = stream.put(105, bad_keyframe(|_| {})).await;
         assert_eq!(good.status(), v1::AckStatus::Received, "the stream lives: {good:?}");
+    });
+}
+
+#[test]
+fn a_long_text_that_is_refused_is_not_repeated_at_its_length() {
+    run(async {
+        let server = TestServer::start().await;
+        server.create_map("room").await;
+        // More than the headers of an answer may have.
+        let update_mask = Some(prost_types::FieldMask { paths: vec!["ö".repeat(20_000); 40] });
+        let map_id = "room".to_owned();
+        let request = v1::UpdateMapRequest { map_id, update_mask, ..Default::default() };
+        let status = server.maps().update_map(request).await.unwrap_err();
+        assert_eq!(status.code(), tonic::Code::InvalidArgument, "{status:?}");
+        assert!(status.message().starts_with("update_mask: ") && status.message().len() <= 1024);
+        let violations = status.get_details_bad_request().unwrap().field_violations;
+        assert!(violations.iter().all(|violation| violation.description.len() <= 256));
+        assert!(violations.len() > 1);
     });
 }
