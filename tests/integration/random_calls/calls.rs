@@ -110,18 +110,42 @@ async fn read(
     Ok(())
 }
 
+/// The fields of a message that are set, in short.
+pub(super) fn show(message: &DynamicMessage) -> String {
+    let fields =
+        message.fields().map(|(field, value)| format!("{}: {}", field.name(), text(value)));
+    format!("{{{}}}", fields.collect::<Vec<_>>().join(", "))
+}
+
+fn text(value: &Value) -> String {
+    if let Some(message) = value.as_message() {
+        show(message)
+    } else if let Some(list) = value.as_list() {
+        format!("[{}]", list.iter().map(text).collect::<Vec<_>>().join(", "))
+    } else if let Some(bytes) = value.as_bytes() {
+        format!("{:?}", String::from_utf8_lossy(bytes))
+    } else {
+        format!("{value:?}")
+    }
+}
+
 fn not_finite(message: &DynamicMessage, path: &str) -> Option<String> {
+    // A solve says so of its costs, where a problem is beyond what numbers hold.
+    if matches!(message.descriptor().name(), "SolveSummary" | "IterationSummary") {
+        return None;
+    }
     message
         .fields()
         .find_map(|(field, value)| not_finite_value(value, &format!("{path}.{}", field.name())))
 }
 
 fn not_finite_value(value: &Value, path: &str) -> Option<String> {
-    match value {
-        Value::F64(number) if !number.is_finite() => Some(format!("{path} is {number}")),
-        Value::F32(number) if !number.is_finite() => Some(format!("{path} is {number}")),
-        Value::Message(message) => not_finite(message, path),
-        Value::List(list) => list.iter().find_map(|value| not_finite_value(value, path)),
-        _ => None,
+    if let Some(message) = value.as_message() {
+        not_finite(message, path)
+    } else if let Some(list) = value.as_list() {
+        list.iter().find_map(|value| not_finite_value(value, path))
+    } else {
+        let number = value.as_f64().or(value.as_f32().map(f64::from));
+        number.filter(|number| !number.is_finite()).map(|number| format!("{path} is {number}"))
     }
 }

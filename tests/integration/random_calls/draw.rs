@@ -203,12 +203,15 @@ impl Draw {
         let field = self.one(among);
         let (keeps, is_set) = (self.chance(0.9), message.has_field(&field));
         if is_set && keeps {
-            match message.get_field_mut(&field) {
-                Value::Message(inner) => return self.change(inner),
-                Value::List(list) if !list.is_empty() && !is_triangle(&field) => {
-                    return self.change_list(&field, list);
-                }
-                _ => {}
+            let value = message.get_field_mut(&field);
+            if let Some(inner) = value.as_message_mut() {
+                return self.change(inner);
+            }
+            if let Some(list) = value.as_list_mut()
+                && !list.is_empty()
+                && !is_triangle(&field)
+            {
+                return self.change_list(&field, list);
             }
         }
         match self.chance(0.05) {
@@ -225,9 +228,9 @@ impl Draw {
         match self.below(8) {
             0 => drop(list.remove(at)),
             1 => list.push(list[at].clone()),
-            _ => match &mut list[at] {
-                Value::Message(inner) => self.change(inner),
-                value => *value = self.value(field, 1),
+            _ => match list[at].as_message_mut() {
+                Some(inner) => self.change(inner),
+                None => list[at] = self.value(field, 1),
             },
         }
     }

@@ -19,17 +19,17 @@ use tonic::Code;
 use tonic::transport::{Channel, Endpoint};
 use v1::map_service_client::MapServiceClient;
 
-use self::calls::{Answer, call};
+use self::calls::{Answer, call, show};
 use self::draw::Draw;
-use self::valid::{MAPS, World, requests};
+use self::valid::{MAPS, World, beginning, requests};
 use crate::cli_support::{Port, Running, Workspace};
 use crate::common::run;
 
 /// Seeds that are played with the other tests.
 const SEEDS: u64 = 3;
 /// Calls between two kills, and kills of a seed.
-const CALLS: usize = 60;
-const KILLS: usize = 2;
+const CALLS: usize = 150;
+const KILLS: usize = 3;
 /// Milliseconds that a call may take; solves of changed requests may have no end of their own.
 const DEADLINE_MS: u32 = 3000;
 
@@ -115,7 +115,7 @@ impl Campaign {
         let kind = self.draw.below(20);
         if kind == 0 {
             requests = vec![self.draw.message(&method.input(), 0)];
-        } else if kind > 7 {
+        } else if kind > 10 {
             for _ in 0..1 + self.draw.below(3) {
                 // The first message of a stream is changed rarely: the others would not be read.
                 let first = usize::from(requests.len() > 1 && self.draw.chance(0.9));
@@ -123,8 +123,12 @@ impl Campaign {
                 self.draw.change(&mut requests[at]);
             }
         }
-        let answer = call(&self.channel, method, &requests, DEADLINE_MS).await;
-        self.judge(method, &requests, &answer);
+        self.call(method, &requests).await;
+    }
+
+    async fn call(&mut self, method: &MethodDescriptor, requests: &[DynamicMessage]) {
+        let answer = call(&self.channel, method, requests, DEADLINE_MS).await;
+        self.judge(method, requests, &answer);
         if method.name() == "UploadJobFiles"
             && let Some(message) = answer.messages.first()
             && let Some(id) = message.get_field_by_name("upload_id")
@@ -141,8 +145,9 @@ impl Campaign {
         let bug = answer.is_bug().then(|| answer.status.message().to_owned());
         if let Some(what) = bug.or_else(|| answer.not_finite()) {
             if std::env::var_os("COVIS_TEST_RANDOM_CALLS").is_some() {
-                let shown: String = format!("{requests:?}").chars().take(4000).collect();
-                eprintln!("seed {}: {name} by {shown}", self.seed);
+                let shown: Vec<_> = requests.iter().map(show).collect();
+                let shown: String = shown.join("\n").chars().take(6000).collect();
+                eprintln!("seed {}: {name} by\n{shown}", self.seed);
             }
             self.find(&format!("{name}: {:?} {what}", answer.status.code()));
         }
@@ -222,9 +227,9 @@ impl Campaign {
             match after.get(map) {
                 Some(found) if found == state => {}
                 Some((revision, _)) if *revision == state.0 => self.find("a map has another hash"),
-                Some((revision, _)) => {
-                    self.find(&format!("a map came back at revision {revision}, not {}", state.0))
-                }
+                // A solve that had failed is made up for when the map is opened.
+                Some((revision, _)) if *revision > state.0 => {}
+                Some(_) => self.find("a map lacks what was answered"),
                 None => self.find("a map is gone"),
             }
         }
@@ -243,6 +248,15 @@ fn random_calls_of_every_method_break_no_promise_and_no_map() {
     run(async {
         for seed in first..first + count {
             let mut campaign = Campaign::new(seed).await;
+            for (name, requests) in beginning(&mut campaign.world) {
+                let method = campaign.methods.iter().find(|method| method.name() == name);
+                let method = method.unwrap().clone();
+                let decode = |bytes: &Vec<u8>| {
+                    DynamicMessage::decode(method.input(), bytes.as_slice()).unwrap()
+                };
+                let requests: Vec<_> = requests.iter().map(decode).collect();
+                campaign.call(&method, &requests).await;
+            }
             // Each method once, whatever is drawn.
             for method in campaign.methods.clone() {
                 campaign.step(&method).await;

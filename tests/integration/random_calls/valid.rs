@@ -219,14 +219,34 @@ fn import(map_id: String, draw: &mut Draw) -> Vec<Vec<u8>> {
     vec![message(Content::Header(header)), message(Content::Chunk(chunk))]
 }
 
+/// What a run begins with: maps with keyframes.
+pub(super) fn beginning(world: &mut World) -> Vec<(&'static str, Vec<Vec<u8>>)> {
+    let mut calls = Vec::new();
+    for map in &MAPS[..3] {
+        let request = v1::CreateMapRequest { map_id: (*map).to_owned(), ..Default::default() };
+        calls.push(("CreateMap", vec![request.encode_to_vec()]));
+        calls.push(("Ingest", stream(map, scene(), world)));
+    }
+    calls
+}
+
+/// A camera and the keyframes that each map has.
+fn scene() -> Vec<Item> {
+    let keyframes = (0..KEYFRAMES).map(|id| Item::Keyframe(keyframe(id)));
+    std::iter::once(Item::Camera(camera(0))).chain(keyframes).collect()
+}
+
 /// A stream that adds keyframes where there are none, and then items of every kind.
 fn ingest(map: &str, world: &mut World, draw: &mut Draw) -> Vec<Vec<u8>> {
-    let client = robot(map);
-    let mut items = vec![Item::Camera(camera(0))];
-    items.extend((0..KEYFRAMES).map(|id| Item::Keyframe(keyframe(id))));
+    let mut items = scene();
     for _ in 0..1 + draw.below(4) {
-        items.push(item(&client, world.number(), draw));
+        items.push(item(&robot(map), world.number(), draw));
     }
+    stream(map, items, world)
+}
+
+fn stream(map: &str, items: Vec<Item>, world: &mut World) -> Vec<Vec<u8>> {
+    let client = robot(map);
     let mut messages =
         vec![v1::IngestRequest { sequence: 0, item: Some(open_item(map, &client, 0)) }];
     messages.extend(
@@ -319,7 +339,6 @@ fn refine() -> v1::RefinePoseRequest {
         world_from_camera: Some(shift([0.1, 0.0, 0.0])),
         observations: (0..12).map(observation).collect(),
         include_information: true,
-        include_covariance: true,
         ..Default::default()
     }
 }
