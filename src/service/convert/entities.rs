@@ -227,7 +227,8 @@ fn wire(constraint: WireConstraint) -> v1::Constraint {
     v1::Constraint { constraint: Some(constraint) }
 }
 
-/// Where a client's odometry frame lies in the map, from its newest keyframe, in the client's unit.
+/// Where a client's odometry frame lies in the map, from its newest keyframe, in the client's unit. `None`
+/// without a keyframe, and where poses near the largest numbers overflow.
 pub(in crate::service) fn to_client_frame(
     map: &Map,
     client: ClientIndex,
@@ -235,6 +236,7 @@ pub(in crate::service) fn to_client_frame(
     let (id, newest) = map.newest_keyframe(client)?;
     let (frame, scale) = (newest.map_from_odom(), map.scale_of(client));
     let in_own_unit = Se3::new(frame.rotation, frame.translation / scale);
+    in_own_unit.is_finite().then_some(())?;
     Some(v1::ClientFrame {
         client_id: client_name(map, id),
         map_from_odom: Some(to_rigid_transform(&in_own_unit)),

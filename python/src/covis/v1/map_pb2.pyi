@@ -74,7 +74,7 @@ LANDMARK_STATE_UNPOSITIONED: LandmarkState
 LANDMARK_STATE_POSITIONED: LandmarkState
 
 class Map(_message.Message):
-    __slots__ = ("map_id", "display_name", "policy", "state", "create_time", "update_time", "revision", "counts", "landmark_bounds", "clients", "uid", "adjustment_due", "merged_maps", "pending_work", "hints")
+    __slots__ = ("map_id", "display_name", "policy", "state", "create_time", "update_time", "revision", "counts", "landmark_bounds", "clients", "uid", "adjustment_due", "merged_maps", "pending_work", "hints", "state_reason")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     DISPLAY_NAME_FIELD_NUMBER: _ClassVar[int]
     POLICY_FIELD_NUMBER: _ClassVar[int]
@@ -90,6 +90,7 @@ class Map(_message.Message):
     MERGED_MAPS_FIELD_NUMBER: _ClassVar[int]
     PENDING_WORK_FIELD_NUMBER: _ClassVar[int]
     HINTS_FIELD_NUMBER: _ClassVar[int]
+    STATE_REASON_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     display_name: str
     policy: MapPolicy
@@ -105,7 +106,8 @@ class Map(_message.Message):
     merged_maps: _containers.RepeatedCompositeFieldContainer[MergedMap]
     pending_work: PendingWork
     hints: _containers.RepeatedCompositeFieldContainer[MapHint]
-    def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[MapPolicy, _Mapping]] = ..., state: _Optional[_Union[MapState, str]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., revision: _Optional[int] = ..., counts: _Optional[_Union[MapCounts, _Mapping]] = ..., landmark_bounds: _Optional[_Union[_geometry_pb2.Bounds3, _Mapping]] = ..., clients: _Optional[_Iterable[_Union[MapClient, _Mapping]]] = ..., uid: _Optional[str] = ..., adjustment_due: bool = ..., merged_maps: _Optional[_Iterable[_Union[MergedMap, _Mapping]]] = ..., pending_work: _Optional[_Union[PendingWork, _Mapping]] = ..., hints: _Optional[_Iterable[_Union[MapHint, _Mapping]]] = ...) -> None: ...
+    state_reason: str
+    def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[MapPolicy, _Mapping]] = ..., state: _Optional[_Union[MapState, str]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., revision: _Optional[int] = ..., counts: _Optional[_Union[MapCounts, _Mapping]] = ..., landmark_bounds: _Optional[_Union[_geometry_pb2.Bounds3, _Mapping]] = ..., clients: _Optional[_Iterable[_Union[MapClient, _Mapping]]] = ..., uid: _Optional[str] = ..., adjustment_due: bool = ..., merged_maps: _Optional[_Iterable[_Union[MergedMap, _Mapping]]] = ..., pending_work: _Optional[_Union[PendingWork, _Mapping]] = ..., hints: _Optional[_Iterable[_Union[MapHint, _Mapping]]] = ..., state_reason: _Optional[str] = ...) -> None: ...
 
 class PendingWork(_message.Message):
     __slots__ = ("unoptimized_item_count", "place_search_count", "closure_adjustment", "optimization")
