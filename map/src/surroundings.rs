@@ -33,6 +33,8 @@ pub struct Surroundings<'a> {
     pub points: Vec<PointEstimate>,
     /// What they look like, where a client said.
     pub descriptors: Vec<Option<&'a Descriptor>>,
+    /// The keyframes that determine where they are.
+    pub keyframes: Vec<EntityId>,
 }
 
 /// The keyframe and those that share most landmarks with it, none of `others`.
@@ -73,7 +75,7 @@ impl<'a> Surroundings<'a> {
         common: &BTreeSet<EntityId>,
         interrupt: &Interrupt,
     ) -> Self {
-        let mut found: BTreeMap<EntityId, (PointEstimate, Option<&'a Descriptor>)> =
+        let mut found: BTreeMap<EntityId, (PointEstimate, Option<&'a Descriptor>, EntityId)> =
             BTreeMap::new();
         'side: for &(id, keyframe) in keyframes {
             for observation in keyframe.observations.iter() {
@@ -90,15 +92,16 @@ impl<'a> Surroundings<'a> {
                     let point = pose.transform(&estimate.point);
                     let covariance = turn * estimate.covariance * turn.transpose();
                     let estimate = PointEstimate { point, covariance };
-                    found.insert(landmark, (estimate, observation.descriptor.as_deref()));
+                    found.insert(landmark, (estimate, observation.descriptor.as_deref(), id));
                 }
             }
         }
         let mut side = Self::default();
-        for (landmark, (point, descriptor)) in found {
+        for (landmark, (point, descriptor, keyframe)) in found {
             side.landmarks.push(landmark);
             side.points.push(point);
             side.descriptors.push(descriptor);
+            side.keyframes.push(keyframe);
         }
         side
     }

@@ -259,7 +259,7 @@ fn joint(places: &[AlignedKeyframe]) -> Option<Sim3> {
 
 /// The length of a meter in a map, about: 1, or by the median distance of landmarks where the map
 /// measures no lengths.
-fn meter(map: &Map) -> f64 {
+pub(super) fn meter(map: &Map) -> f64 {
     if map.has_metric_scale() {
         return 1.0;
     }

@@ -7,7 +7,10 @@
 //! nothing is changed here.
 
 mod alignment;
+mod localization;
 mod path;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeSet;
 
@@ -20,6 +23,7 @@ use covis_solvers::point_matching::Likeness;
 use covis_solvers::relative_motion::PointEstimate;
 
 pub use alignment::{Alignment, NotAligned, align};
+pub use localization::{Localization, localize};
 
 use crate::place::{self, Candidate, DESCRIPTOR_BYTES, PlaceError};
 use crate::{
@@ -133,6 +137,8 @@ pub struct Located {
     pub verified: Verified,
     /// The landmarks of the inliers with the features that show them.
     pub landmarks: Vec<(EntityId, usize)>,
+    /// Of each of these landmarks, the keyframe that determines where it is.
+    pub sources: Vec<EntityId>,
 }
 
 /// Verifies the candidates for the place of a view in their order, until one holds. `seed` of the random
@@ -151,22 +157,28 @@ pub fn locate(
         let Some(keyframe) = map.keyframes().get(&candidate.keyframe) else { continue };
         let id = candidate.keyframe;
         let found = judge_candidate(map, view, &indices, (candidate, keyframe), (seed, interrupt));
-        let found = found.and_then(|located| match accept(id, &located.verified) {
-            Ok(()) => Ok(located),
-            Err(refusal) => Err(refused(&refusal)),
+        let found = found.and_then(|(located, doubt)| {
+            doubt.map_or(Ok(()), Err)?;
+            accept(id, &located.verified).map_err(|refusal| refused(&refusal))?;
+            Ok(located)
         });
         let (located, refusal) = match found {
             Ok(located) => (Some(located), None),
             Err(refusal) => (None, Some(refusal)),
         };
-        let matches = u32::try_from(candidate.matches.len()).unwrap_or(u32::MAX);
-        let score = candidate.score;
-        verified.push(PlaceCandidate { keyframe: id, score, matches, refusal });
+        verified.push(listed(candidate, refusal));
         if located.is_some() {
             return (verified, located);
         }
     }
     (verified, None)
+}
+
+/// A candidate as it is kept, with its verdict.
+fn listed(candidate: &Candidate, refusal: Option<PlaceRefusal>) -> PlaceCandidate {
+    let Candidate { keyframe, score, matches, .. } = candidate;
+    let matches = u32::try_from(matches.len()).unwrap_or(u32::MAX);
+    PlaceCandidate { keyframe: *keyframe, score: *score, matches, refusal }
 }
 
 fn refused(refusal: &Refusal) -> PlaceRefusal {
@@ -178,13 +190,14 @@ fn unusable(error: &InputError) -> PlaceRefusal {
     PlaceRefusal::new("refinement_failed", &error.to_string())
 }
 
+/// The pose of the view by a candidate, and what makes it doubtful that this is the place.
 fn judge_candidate(
     map: &Map,
     view: &QueryView<'_>,
     indices: &[usize],
     (candidate, keyframe): (&Candidate, &Keyframe),
     (seed, interrupt): (u64, &Interrupt),
-) -> Result<Located, PlaceRefusal> {
+) -> Result<(Located, Option<PlaceRefusal>), PlaceRefusal> {
     // Most candidates are none, and to know what is around them takes longer than to see that.
     let (found, needed) = (candidate.matches.len(), verification::MIN_INLIERS);
     if found < needed {
@@ -233,17 +246,18 @@ fn judge_candidate(
         let pair = around.descriptors[point].zip(view.descriptors[feature]);
         pair.map_or(Likeness::Unknown, |(a, b)| likeness(a, b))
     };
-    match verification::verify(&input, &likeness, &options).map_err(|error| unusable(&error))? {
-        Verdict::Refused(refusal) => Err(refused(&refusal)),
-        Verdict::Accepted(verified) => {
-            let landmark = |&(point, feature): &(usize, usize)| (around.landmarks[point], feature);
-            let landmarks = verified.inliers.iter().map(landmark).collect();
-            let world_from_view =
-                keyframe.world_from_camera.compose(&verified.candidate_from_query);
-            let (keyframe, verified) = (candidate.keyframe, *verified);
-            Ok(Located { keyframe, world_from_view, verified, landmarks })
-        }
-    }
+    let verdict = verification::verify(&input, &likeness, &options);
+    let (verified, doubt) = match verdict.map_err(|error| unusable(&error))? {
+        Verdict::Refused(refusal) => return Err(refused(&refusal)),
+        Verdict::Doubtful(verified, doubt) => (*verified, Some(refused(&doubt))),
+        Verdict::Accepted(verified) => (*verified, None),
+    };
+    let landmark = |&(point, feature): &(usize, usize)| (around.landmarks[point], feature);
+    let landmarks = verified.inliers.iter().map(landmark).collect();
+    let sources = verified.inliers.iter().map(|&(point, _)| around.keyframes[point]).collect();
+    let world_from_view = keyframe.world_from_camera.compose(&verified.candidate_from_query);
+    let keyframe = candidate.keyframe;
+    Ok((Located { keyframe, world_from_view, verified, landmarks, sources }, doubt))
 }
 
 /// Judges the candidates for the place of a keyframe, in their order, and makes a loop closure of the first

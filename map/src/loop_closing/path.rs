@@ -26,7 +26,7 @@ const DRIFT_OF_SCALE: f64 = 0.2;
 /// Drift of the rotation by the length of the way, rad/m, and by the angle that was turned: the former is
 /// three times the 0.05°/m of good visual odometry, the latter an error of the focal length of 1 %.
 pub(super) const TURN_BY_LENGTH: f64 = 0.003;
-const TURN_BY_ANGLE: f64 = 0.01;
+pub(super) const TURN_BY_ANGLE: f64 = 0.01;
 /// What is left at no way at all, m and rad: two keyframes of one place are no better known.
 pub(super) const LEAST: (f64, f64) = (0.05, 0.02);
 /// A turn of a radian counts as much as this many meters where the shortest way is searched.

@@ -168,6 +168,16 @@ impl PlaceIndex {
         self.indexes.values().any(|index| index.contains(keyframe)) || self.whole.contains(keyframe)
     }
 
+    /// Name and length in bytes of each type of binary descriptor that the keyframes have, in order.
+    pub fn descriptor_types(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.indexes.keys().map(|(name, bytes)| (name.as_str(), *bytes))
+    }
+
+    /// The same of the descriptors of whole images.
+    pub fn image_descriptor_types(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.whole.types()
+    }
+
     /// Memory, bytes: descriptors, tables and lists.
     pub fn bytes(&self) -> usize {
         // A node of the ordered map beside what each index holds.

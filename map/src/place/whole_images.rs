@@ -114,6 +114,11 @@ impl WholeImages {
         self.kept.contains_key(&id)
     }
 
+    /// Name and length in bytes of each type, in order.
+    pub(super) fn types(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.kinds.keys().map(|(name, numbers)| (&**name, 4 * numbers))
+    }
+
     /// Memory, bytes.
     pub(super) fn bytes(&self) -> usize {
         let of = |((name, length), images): (&Kind, &Vec<Image>)| {

@@ -210,8 +210,8 @@ pub(super) struct Projected {
     pub(super) c11: f64,
     c02: f64,
     c12: f64,
-    c22: f64,
-    depth: f64,
+    pub(super) c22: f64,
+    pub(super) depth: f64,
 }
 
 impl Projected {

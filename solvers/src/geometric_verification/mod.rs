@@ -5,13 +5,16 @@
 //! pose finds (`guided`), a least-squares pose ([`crate::relative_motion`]), then `checks`: each may
 //! refuse. The covariance is that of the fit, with standard deviations as large as the residuals say,
 //! and beside it what the calibration leaves open, which no number of matches makes smaller. Without
-//! it the error is several times what the fit claims. Reads no map, and gives the same on any threads.
+//! it the error is several times what the fit claims. What is left after that is doubt (`spread`): too little
+//! evidence of its own, or a part of the image alone that agrees. Reads no map, and gives the same on any
+//! threads.
 
 mod checks;
 mod consensus;
 mod guided;
 mod refusal;
 mod sampling;
+mod spread;
 #[cfg(test)]
 mod tests;
 
@@ -131,6 +134,8 @@ pub struct Verified {
     pub inliers: Vec<(usize, usize)>,
     /// Inliers among the proposed matches.
     pub proposed: usize,
+    /// Of these, those that are evidence of their own: of those that show one patch of the scene, one.
+    pub independent: usize,
     /// Variance of the residuals over what is claimed, at least 1.
     pub variance_factor: f64,
 }
@@ -140,6 +145,8 @@ pub struct Verified {
 pub enum Verdict {
     /// The query shows the candidate's place.
     Accepted(Box<Verified>),
+    /// Many matches agree on this pose, but for a reason that is named it may be that of another place.
+    Doubtful(Box<Verified>, Refusal),
     /// It does not, or it cannot be told.
     Refused(Refusal),
 }
@@ -156,7 +163,8 @@ pub fn verify(
 ) -> Result<Verdict, InputError> {
     validate(input)?;
     Ok(match verified(input, likeness, options) {
-        Ok(verified) => Verdict::Accepted(Box::new(verified)),
+        Ok((verified, Ok(()))) => Verdict::Accepted(Box::new(verified)),
+        Ok((verified, Err(doubt))) => Verdict::Doubtful(Box::new(verified), doubt),
         Err(refusal) => Verdict::Refused(refusal),
     })
 }
@@ -165,7 +173,7 @@ fn verified(
     input: &Input<'_>,
     likeness: &dyn Fn(usize, usize) -> Likeness,
     options: &Options,
-) -> Result<Verified, Refusal> {
+) -> Result<(Verified, Result<(), Refusal>), Refusal> {
     let mut numbers = Numbers::new(input.seed);
     let proposed = usable(input.matches);
     if proposed.len() < MIN_INLIERS {
@@ -177,7 +185,7 @@ fn verified(
     let Some(best) = problem.search(&mut numbers) else {
         return Err(Refusal::TooFewInliers { inliers: 0, needed: MIN_INLIERS });
     };
-    let needed = checks::inliers_needed(input.features, &problem, &best.pose);
+    let needed = checks::inliers_needed(input.features, &problem, &best.pose, MIN_INLIERS);
     if best.inliers.len() < needed {
         return Err(Refusal::TooFewInliers { inliers: best.inliers.len(), needed });
     }
@@ -202,12 +210,16 @@ fn verified(
         problem_of_all.fitted(&found.inliers, &found.pose).ok_or(Refusal::RefinementFailed)?;
     let pose = fitted.motion.a_from_b;
     let open = calibration_covariance(input.camera, &fitted.matches, &pose, &options.calibration);
+    let fitted_matches: Vec<Weighted> = found.inliers.iter().map(|&k| all[k]).collect();
+    // Matches of one patch have one error of their landmark and of their pixel.
+    let of_one_patch = fitted_matches.len() as f64
+        / spread::independent(input, &fitted_matches).len().max(1) as f64;
     let covariance = fitted
         .motion
         .information
         .matrix()
         .cholesky()
-        .map(|cholesky| cholesky.inverse())
+        .map(|cholesky| cholesky.inverse() * of_one_patch)
         .zip(open)
         .map(|(of_fit, open)| of_fit + open)
         .ok_or(Refusal::RefinementFailed)?;
@@ -225,13 +237,18 @@ fn verified(
     let information = Information::new(&((inverse + inverse.transpose()) * 0.5))
         .map_err(|_not_definite| Refusal::RefinementFailed)?;
     let agreed: Consensus = problem.consensus(pose, 1.0);
-    Ok(Verified {
+    let (independent, is_no_chance) = checks::independent(input, &problem, &agreed.inliers, &pose);
+    let share = spread::explained(input, &inlying, &pose, likeness, options);
+    let doubt = is_no_chance.and_then(|()| checks::explained(share));
+    let verified = Verified {
         candidate_from_query: pose,
         information,
         inliers: inlying,
         proposed: agreed.inliers.len(),
+        independent,
         variance_factor: (fitted.variance * fitted.motion.variance_factor).max(1.0),
-    })
+    };
+    Ok((verified, doubt))
 }
 
 /// The matches that have a weight, at most [`MAX_MATCHES`], by index; the largest weight is 1.

@@ -18,7 +18,7 @@ pub enum Refusal {
     /// No pose has so many inliers that chance is excluded.
     #[error("{inliers} inliers, fewer than {needed}, which chance does not give")]
     TooFewInliers {
-        /// Inliers of the best pose.
+        /// Inliers of the best pose; of those that show one patch of the scene, one.
         inliers: usize,
         /// How many are needed among so many matches.
         needed: usize,
@@ -48,6 +48,12 @@ pub enum Refusal {
         rotation_rad: f64,
         /// Largest standard deviation of the translation, over the median depth of the inliers.
         distance: f64,
+    },
+    /// Landmarks match in one part of what the pose shows, and hardly beside it: a thing that exists twice.
+    #[error("matches are as frequent as around the inliers on {share:.2} of what the pose shows")]
+    Unexplained {
+        /// Share of the landmarks that the pose has in the image.
+        share: f64,
     },
     /// Other matches agree on another pose: the scene repeats itself.
     #[error("another pose has {rival} inliers beside the {inliers} of the best one")]
@@ -81,6 +87,7 @@ impl Refusal {
             Self::SmallRegion { .. } => "small_region",
             Self::MirroredPlane { .. } => "mirrored_plane",
             Self::Undetermined { .. } => "undetermined",
+            Self::Unexplained { .. } => "unexplained",
             Self::Ambiguous { .. } => "ambiguous",
             Self::Improbable { .. } => "improbable",
             Self::RefinementFailed => "refinement_failed",

@@ -1,5 +1,6 @@
 //! Verification of made scenes: what is refused and why, and errors beside their information.
 
+mod evidence;
 mod recorded;
 mod scene;
 
@@ -11,14 +12,14 @@ use scene::{Made, Scene, verdict_of};
 fn same(verdict: &Verdict) -> &Verified {
     match verdict {
         Verdict::Accepted(verified) => verified,
-        Verdict::Refused(refusal) => panic!("{refusal}"),
+        Verdict::Doubtful(_, refusal) | Verdict::Refused(refusal) => panic!("{refusal}"),
     }
 }
 
 fn reason(verdict: &Verdict) -> &'static str {
     match verdict {
         Verdict::Accepted(_) => "same",
-        Verdict::Refused(refusal) => refusal.name(),
+        Verdict::Doubtful(_, refusal) | Verdict::Refused(refusal) => refusal.name(),
     }
 }
 
