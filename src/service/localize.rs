@@ -8,13 +8,13 @@ use covis_solvers::interrupt::Interrupt;
 use super::convert::camera::camera;
 use super::convert::entities::to_place_candidate;
 use super::convert::geometry::{to_covariance6, to_rigid_transform, vector2};
-use super::convert::ids::to_landmark_ref;
+use super::convert::ids::{to_keyframe_ref, to_landmark_ref};
 use super::convert::item::{MAX_FEATURE_DESCRIPTOR, MAX_IMAGE_DESCRIPTOR, depth, descriptor};
 use super::convert::{Path, all, convert};
-use super::engine::MapHandle;
+use super::engine::{MapHandle, UnknownType};
 use super::error::ServiceError;
-use crate::loop_closing::{Located, QueryView};
-use crate::map::{Descriptor, DescriptorKind, Map};
+use crate::loop_closing::{Localization, Located, QueryView};
+use crate::map::{Descriptor, DescriptorKind, Map, Reason};
 use crate::place::{DESCRIPTOR_BYTES, DESCRIPTORS, KEYFRAME_BYTES};
 use crate::wire::v1;
 
@@ -69,7 +69,7 @@ pub(super) fn input(request: v1::LocalizeRequest) -> Result<Input, ServiceError>
     .map_err(Into::into)
 }
 
-/// Finds the place.
+/// Finds the place. The index of places must be up to the map.
 pub(super) fn run(
     handle: &MapHandle,
     map: &Map,
@@ -83,13 +83,23 @@ pub(super) fn run(
         descriptors: input.descriptors.iter().map(Option::as_ref).collect(),
         image: input.image.as_ref(),
     };
-    let (candidates, located) = handle.locate(map, &view, interrupt)?;
+    let Localization { candidates, located, rivals } = handle.localize(map, &view, interrupt)?;
     if interrupt.is_due() {
         return Err(ServiceError::DeadlineExceeded);
     }
+    if let Some(unknown) = handle.unknown_descriptor_type(&view) {
+        return Err(refused(&unknown));
+    }
+    let rival = |rival: &Located| v1::RivalPose {
+        world_from_camera: Some(to_rigid_transform(&rival.world_from_view)),
+        covariance: to_covariance6(&rival.verified.information),
+        keyframe: Some(to_keyframe_ref(map, rival.keyframe)),
+        inlier_count: i32::try_from(rival.landmarks.len()).unwrap_or(i32::MAX),
+    };
     let answer = v1::LocalizeResponse {
         revision: map.revision(),
         candidates: candidates.iter().map(|c| to_place_candidate(map, c)).collect(),
+        rivals: rivals.iter().map(rival).collect(),
         ..v1::LocalizeResponse::default()
     };
     let Some(Located { world_from_view, verified, landmarks, .. }) = located else {
@@ -106,4 +116,19 @@ pub(super) fn run(
         variance_factor: verified.variance_factor,
         ..answer
     })
+}
+
+/// Descriptors that no keyframe can be compared with find nothing, wherever the camera is.
+fn refused(unknown: &UnknownType) -> ServiceError {
+    let UnknownType { feature, name, bytes, known } = unknown;
+    let known: Vec<String> =
+        known.iter().map(|(name, bytes)| format!("{name:?} of {bytes} bytes")).collect();
+    let field = match feature {
+        Some(feature) => format!("features[{feature}].descriptor.name"),
+        None => "global_descriptor.name".to_owned(),
+    };
+    let known = known.join(", ");
+    let description =
+        format!("no keyframe has descriptors named {name:?} of {bytes} bytes; there are {known}");
+    ServiceError::field(field, Reason::UnknownValue, description)
 }

@@ -410,8 +410,10 @@ class Client:
         descriptor_name: str = "",
         descriptor_kind: str | None = None,
     ) -> Localization | None:
-        """Finds where a camera is in a map by what it sees; `None` where no place is recognized.
+        """Finds where a camera is in a map by what it sees; `None` where no place is recognized, or where
+        two that contradict each other are recognized equally well.
 
+        A `descriptor_name` that no keyframe of the map has is refused with the names that there are.
         `camera` is from `covis.camera`, the arrays are as in `Session.keyframe`.
         """
         request = _problems.localize_request(

@@ -191,8 +191,10 @@ class Client(Blocking[_client.Client]):
         return run(self._twin.solve_pose_graph(ids, world_from_vertex, edges, i_from_j, information, fixed=fixed, trusted=trusted, robust=robust, certify=certify, loss=loss, start=start, max_iterations=max_iterations, time_limit_s=time_limit_s, include_iterations=include_iterations))
 
     def localize(self, map_id: str, camera: Camera, pixels: npt.ArrayLike, descriptors: npt.ArrayLike, depths: npt.ArrayLike | None=None, sigmas: npt.ArrayLike | None=None, *, sigma_px: npt.ArrayLike | None=None, descriptor_name: str='', descriptor_kind: str | None=None) -> Localization | None:
-        """Finds where a camera is in a map by what it sees; `None` where no place is recognized.
+        """Finds where a camera is in a map by what it sees; `None` where no place is recognized, or where
+        two that contradict each other are recognized equally well.
 
+        A `descriptor_name` that no keyframe of the map has is refused with the names that there are.
         `camera` is from `covis.camera`, the arrays are as in `Session.keyframe`.
         """
         return run(self._twin.localize(map_id, camera, pixels, descriptors, depths, sigmas, sigma_px=sigma_px, descriptor_name=descriptor_name, descriptor_kind=descriptor_kind))

@@ -3,7 +3,7 @@
 //! References always name their client; ids of clients are looked up in the map that is read. Only
 //! outward: what clients send is converted in `item` and `edit`.
 
-use covis_solvers::geometry::Se3;
+use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::loss::Loss;
 use nalgebra::Vector3;
 

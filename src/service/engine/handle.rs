@@ -19,15 +19,15 @@ use super::durability::sequence_of;
 use super::error::report_bug;
 use super::measured_pairs::MeasuredPairs;
 use super::merging::MergedName;
-use super::places::Places;
+use super::places::{Places, UnknownType};
 use super::solve::Job;
 use super::stream::Queued;
 use super::{
     Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, MapUpdate,
     OptimizeOptions, OptimizeOutcome, PendingWork, SolveStep, Watch,
 };
-use crate::loop_closing::{Located, QueryView, locate};
-use crate::map::{GraphPairs, GraphProblem, Map, PlaceCandidate, RequestId, measured_graph};
+use crate::loop_closing::{Localization, QueryView, localize};
+use crate::map::{GraphPairs, GraphProblem, Map, RequestId, measured_graph};
 use crate::store::{Durability, Flushed, Store, StoreError};
 use crate::sync::Mutex;
 
@@ -307,24 +307,29 @@ impl MapHandle {
         !map.policy().place_recognition || self.shared.places.advance(map, interrupt)
     }
 
-    /// The place of a view in `map`, a snapshot of this map, and the candidates that were verified. Blocks
-    /// its thread.
+    /// The place of a view in `map`, a snapshot of this map. The index must be up to the map
+    /// ([`MapHandle::index_places`]). Blocks its thread.
     ///
     /// # Errors
     /// [`EngineError::NoPlaceRecognition`], and [`EngineError::Bug`] where the view has more descriptors
     /// than a keyframe may have.
-    pub fn locate(
+    pub fn localize(
         &self,
         map: &Map,
         view: &QueryView<'_>,
         interrupt: &Interrupt,
-    ) -> Result<(Vec<PlaceCandidate>, Option<Located>), EngineError> {
+    ) -> Result<Localization, EngineError> {
         if !map.policy().place_recognition {
             return Err(EngineError::NoPlaceRecognition { map: self.shared.name.clone() });
         }
         let found = self.shared.places.candidates(map, view, interrupt, &|_| false);
         let found = found.map_err(|error| report_bug(&error.to_string()))?;
-        Ok(locate(map, view, &found, (0, interrupt), |_, _| Ok(())))
+        Ok(localize(map, view, &found, interrupt))
+    }
+
+    /// The type of a view's descriptors, where keyframes of the map have descriptors, none of this type.
+    pub fn unknown_descriptor_type(&self, view: &QueryView<'_>) -> Option<UnknownType> {
+        self.shared.places.unknown_type(view)
     }
 
     /// Optimizes the whole map. Sends each step to `steps` and applies the result as one revision.

@@ -86,6 +86,7 @@ pub use maps::Maps;
 pub use merging::{LinkRequest, MergeOutcome, MergeRequest};
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
 pub use pending::PendingWork;
+pub use places::UnknownType;
 pub(crate) use pool::panic_message;
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
 pub use rebuilding::{Rebuilt, UnplacedKeyframe};

@@ -13,13 +13,33 @@ use covis_solvers::interrupt::Interrupt;
 
 use crate::loop_closing::{QueryView, comparable, indexed, not_indexed};
 use crate::map::{EntityId, Map, Observations, PlaceRefusal, PlaceSearch};
-use crate::place::{Candidate, PlaceError, PlaceIndex};
+use crate::place::{Candidate, Feature, PlaceError, PlaceIndex};
 
 /// Memory that an index may take beyond what the map counts for it: its smallest tables, of each make.
 const LEAST: u64 = 1 << 20;
 
 /// Descriptors that are indexed or removed at once, and a keyframe more: some 3 µs each.
 const PIECE: usize = 1 << 15;
+
+/// A type of descriptors that no keyframe has, where keyframes have others.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownType {
+    /// Index of the first feature that has it; `None`: the descriptor of the whole image has it.
+    pub feature: Option<usize>,
+    /// Its name.
+    pub name: String,
+    /// Its length, bytes.
+    pub bytes: usize,
+    /// The types that keyframes have: name and length.
+    pub known: Vec<(String, usize)>,
+}
+
+impl UnknownType {
+    fn new(feature: Option<usize>, sent: &Feature<'_>, known: &[(&str, usize)]) -> Self {
+        let known = known.iter().map(|&(name, bytes)| (name.to_owned(), bytes)).collect();
+        Self { feature, name: sent.name.to_owned(), bytes: sent.data.len(), known }
+    }
+}
 
 /// The index of a map's places.
 #[derive(Debug, Default)]
@@ -183,6 +203,25 @@ impl Places {
             PlaceSearch::MOST_CANDIDATES,
             is_out,
         )
+    }
+
+    /// What is wrong with the descriptors of a view, if none of its features, or its image, has a type
+    /// that the index holds. An index without descriptors refuses none.
+    pub(super) fn unknown_type(&self, view: &QueryView<'_>) -> Option<UnknownType> {
+        let known = self.read();
+        let (indices, features) = view.searchable();
+        let types: Vec<_> = known.index.descriptor_types().collect();
+        let is_known = |f: &Feature<'_>| types.contains(&(f.name, f.data.len()));
+        if let Some((&feature, first)) = indices.first().zip(features.first())
+            && !types.is_empty()
+            && !features.iter().any(is_known)
+        {
+            return Some(UnknownType::new(Some(feature), first, &types));
+        }
+        let image = comparable(view.image)?;
+        let types: Vec<_> = known.index.image_descriptor_types().collect();
+        let is_known = types.is_empty() || types.contains(&(image.name, image.data.len()));
+        (!is_known).then(|| UnknownType::new(None, &image, &types))
     }
 
     /// Why the index does not hold a keyframe, if it was refused.

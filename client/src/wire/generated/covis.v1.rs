@@ -2324,7 +2324,8 @@ impl ::prost::Name for PlaceCandidate {
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct PlaceRefusal {
     /// One of "too_few_matches", "too_few_inliers", "one_line", "small_region", "mirrored_plane",
-    /// "undetermined", "ambiguous", "improbable", "refinement_failed". Later versions may have others.
+    /// "undetermined", "unexplained", "ambiguous", "outweighed", "improbable", "refinement_failed". Later
+    /// versions may have others.
     #[prost(string, tag = "1")]
     pub reason: ::prost::alloc::string::String,
     /// The reason with its numbers, for people.
@@ -6333,8 +6334,9 @@ pub struct LocalizeResponse {
     /// The pose; absent where no place was found.
     #[prost(message, optional, tag = "2")]
     pub world_from_camera: ::core::option::Option<RigidTransform>,
-    /// Of a right perturbation of the pose, relative to the keyframe that shows the place: what the map
-    /// itself is uncertain of is not in it. With the pose.
+    /// Of a right perturbation of the pose, relative to the keyframe that shows the place. It includes how
+    /// far neighbors of the keyframe whose landmarks are seen may have drifted from it, and not how far the
+    /// keyframe itself may be off in the map. With the pose.
     #[prost(message, optional, tag = "3")]
     pub covariance: ::core::option::Option<Covariance6>,
     /// Landmarks that the features show. With the pose.
@@ -6343,10 +6345,14 @@ pub struct LocalizeResponse {
     /// Variance of the residuals over what sigmas claim, at least 1. With the pose.
     #[prost(double, tag = "5")]
     pub variance_factor: f64,
-    /// Keyframes that looked like the place, at most 3, in the order of the verification; the last one
-    /// shows the place where there is a pose.
+    /// Keyframes that looked like the place, at most 3; the last one shows the place where there is a pose,
+    /// and each one without a refusal shows it too.
     #[prost(message, repeated, tag = "6")]
     pub candidates: ::prost::alloc::vec::Vec<PlaceCandidate>,
+    /// Poses that contradict each other, each with as much evidence as the others: the camera is at one of
+    /// them or at none. Best first. There is no world_from_camera then.
+    #[prost(message, repeated, tag = "7")]
+    pub rivals: ::prost::alloc::vec::Vec<RivalPose>,
 }
 impl ::prost::Name for LocalizeResponse {
     const NAME: &'static str = "LocalizeResponse";
@@ -6356,6 +6362,32 @@ impl ::prost::Name for LocalizeResponse {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.LocalizeResponse".into()
+    }
+}
+/// One of several poses that explain what a camera sees.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct RivalPose {
+    /// The pose.
+    #[prost(message, optional, tag = "1")]
+    pub world_from_camera: ::core::option::Option<RigidTransform>,
+    /// As LocalizeResponse.covariance, if this is the pose.
+    #[prost(message, optional, tag = "2")]
+    pub covariance: ::core::option::Option<Covariance6>,
+    /// The keyframe that shows the place.
+    #[prost(message, optional, tag = "3")]
+    pub keyframe: ::core::option::Option<KeyframeRef>,
+    /// How many features show landmarks there.
+    #[prost(int32, tag = "4")]
+    pub inlier_count: i32,
+}
+impl ::prost::Name for RivalPose {
+    const NAME: &'static str = "RivalPose";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.RivalPose".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.RivalPose".into()
     }
 }
 /// A feature that shows a landmark.
@@ -6979,10 +7011,12 @@ pub mod optimization_service_client {
             self.inner.server_streaming(req, path, codec).await
         }
         /// Finds where a camera is in a map, by the descriptors of what it sees: a robot that is lost, or one
-        /// that was switched on. Changes nothing. That no place is found is an outcome, with code OK.
+        /// that was switched on. Changes nothing. That no place is found is an outcome, with code OK, and so is
+        /// a view that fits several places.
         /// Codes:
         ///
-        /// * INVALID_ARGUMENT: a bad field.
+        /// * INVALID_ARGUMENT: a bad field; descriptors whose name or length no keyframe of the map has, where
+        ///  keyframes have others: the message names these.
         /// * NOT_FOUND: no such map.
         /// * FAILED_PRECONDITION: the map's policy has no place_recognition.
         /// * INTERNAL: a bug.
@@ -7127,10 +7161,12 @@ pub mod optimization_service_server {
             tonic::Status,
         >;
         /// Finds where a camera is in a map, by the descriptors of what it sees: a robot that is lost, or one
-        /// that was switched on. Changes nothing. That no place is found is an outcome, with code OK.
+        /// that was switched on. Changes nothing. That no place is found is an outcome, with code OK, and so is
+        /// a view that fits several places.
         /// Codes:
         ///
-        /// * INVALID_ARGUMENT: a bad field.
+        /// * INVALID_ARGUMENT: a bad field; descriptors whose name or length no keyframe of the map has, where
+        ///  keyframes have others: the message names these.
         /// * NOT_FOUND: no such map.
         /// * FAILED_PRECONDITION: the map's policy has no place_recognition.
         /// * INTERNAL: a bug.

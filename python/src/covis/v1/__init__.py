@@ -171,6 +171,7 @@ from .optimization_service_pb2 import PointObservation as PointObservation
 from .optimization_service_pb2 import LocalizeRequest as LocalizeRequest
 from .optimization_service_pb2 import Feature as Feature
 from .optimization_service_pb2 import LocalizeResponse as LocalizeResponse
+from .optimization_service_pb2 import RivalPose as RivalPose
 from .optimization_service_pb2 import LocalizedFeature as LocalizedFeature
 from .optimization_service_pb2 import RefinePosePrior as RefinePosePrior
 from .optimization_service_pb2 import RefinePoseResponse as RefinePoseResponse

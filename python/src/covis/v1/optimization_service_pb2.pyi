@@ -98,20 +98,34 @@ class Feature(_message.Message):
     def __init__(self, pixel: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., sigma_px: _Optional[float] = ..., depth_m: _Optional[float] = ..., sigma_depth_m: _Optional[float] = ..., descriptor: _Optional[_Union[_map_pb2.Descriptor, _Mapping]] = ...) -> None: ...
 
 class LocalizeResponse(_message.Message):
-    __slots__ = ("revision", "world_from_camera", "covariance", "inliers", "variance_factor", "candidates")
+    __slots__ = ("revision", "world_from_camera", "covariance", "inliers", "variance_factor", "candidates", "rivals")
     REVISION_FIELD_NUMBER: _ClassVar[int]
     WORLD_FROM_CAMERA_FIELD_NUMBER: _ClassVar[int]
     COVARIANCE_FIELD_NUMBER: _ClassVar[int]
     INLIERS_FIELD_NUMBER: _ClassVar[int]
     VARIANCE_FACTOR_FIELD_NUMBER: _ClassVar[int]
     CANDIDATES_FIELD_NUMBER: _ClassVar[int]
+    RIVALS_FIELD_NUMBER: _ClassVar[int]
     revision: int
     world_from_camera: _geometry_pb2.RigidTransform
     covariance: _geometry_pb2.Covariance6
     inliers: _containers.RepeatedCompositeFieldContainer[LocalizedFeature]
     variance_factor: float
     candidates: _containers.RepeatedCompositeFieldContainer[_constraint_pb2.PlaceCandidate]
-    def __init__(self, revision: _Optional[int] = ..., world_from_camera: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., covariance: _Optional[_Union[_geometry_pb2.Covariance6, _Mapping]] = ..., inliers: _Optional[_Iterable[_Union[LocalizedFeature, _Mapping]]] = ..., variance_factor: _Optional[float] = ..., candidates: _Optional[_Iterable[_Union[_constraint_pb2.PlaceCandidate, _Mapping]]] = ...) -> None: ...
+    rivals: _containers.RepeatedCompositeFieldContainer[RivalPose]
+    def __init__(self, revision: _Optional[int] = ..., world_from_camera: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., covariance: _Optional[_Union[_geometry_pb2.Covariance6, _Mapping]] = ..., inliers: _Optional[_Iterable[_Union[LocalizedFeature, _Mapping]]] = ..., variance_factor: _Optional[float] = ..., candidates: _Optional[_Iterable[_Union[_constraint_pb2.PlaceCandidate, _Mapping]]] = ..., rivals: _Optional[_Iterable[_Union[RivalPose, _Mapping]]] = ...) -> None: ...
+
+class RivalPose(_message.Message):
+    __slots__ = ("world_from_camera", "covariance", "keyframe", "inlier_count")
+    WORLD_FROM_CAMERA_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
+    KEYFRAME_FIELD_NUMBER: _ClassVar[int]
+    INLIER_COUNT_FIELD_NUMBER: _ClassVar[int]
+    world_from_camera: _geometry_pb2.RigidTransform
+    covariance: _geometry_pb2.Covariance6
+    keyframe: _map_pb2.KeyframeRef
+    inlier_count: int
+    def __init__(self, world_from_camera: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., covariance: _Optional[_Union[_geometry_pb2.Covariance6, _Mapping]] = ..., keyframe: _Optional[_Union[_map_pb2.KeyframeRef, _Mapping]] = ..., inlier_count: _Optional[int] = ...) -> None: ...
 
 class LocalizedFeature(_message.Message):
     __slots__ = ("feature", "landmark")
