@@ -1,4 +1,5 @@
-//! The price of a solve against what the solve allocates, counted by the allocator of this binary.
+//! The price of a solve, and of reading a file, against what they allocate, counted by the allocator of this
+//! binary.
 //!
 //! It has a binary of its own because the allocator counts the whole process; tests take turns.
 
@@ -7,6 +8,8 @@
 #![allow(clippy::print_stdout, reason = "the figures are read by people")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::any::Any;
+use std::path::Path;
 use std::sync::atomic::{AtomicIsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -14,6 +17,11 @@ use covis_solvers::bundle_adjustment::{self, LinearSolver};
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se2, Se3, So3};
 use covis_solvers::information::Information;
+use covis_solvers::io::bal::BalFile;
+use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
+use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::io::reading::{Content, FileCounts};
+use covis_solvers::io::trajectory::Trajectory;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{self, ignore_iterations};
 use covis_solvers::pose_graph;
@@ -255,4 +263,150 @@ fn a_chain_with_some_closures() {
 #[test]
 fn a_chain_with_edges_between_any_two_poses() {
     check_graph::<Se2, 3>("random edges", 2000, 3000);
+}
+
+/// What is in memory after files were read: the parsed files, their problem where they have one, and the
+/// files of the problem as it would be written, where that `is_written`.
+fn read(content: Content, files: &[Vec<u8>], is_written: bool) -> Box<dyn Any> {
+    let path = Path::new("file");
+    let colmap = |encoding| -> Box<dyn Any> {
+        let model = ColmapModel::parse(encoding, [&files[0], &files[1], &files[2]], path).unwrap();
+        let problem = model.to_problem().unwrap();
+        let written = is_written.then(|| model.to_files(encoding).unwrap());
+        Box::new((model, problem, written))
+    };
+    match content {
+        Content::Bal => {
+            let file = BalFile::parse(&files[0], path).unwrap();
+            let (problem, written) = (file.to_problem(), is_written.then(|| file.to_bytes()));
+            Box::new((file, problem, written))
+        }
+        Content::Graph => {
+            let graph = G2oGraph::parse(&files[0], path).unwrap();
+            let problem: Box<dyn Any> = match &graph {
+                G2oGraph::Se2(file) => Box::new(file.to_pose_graph().unwrap()),
+                G2oGraph::Se3(file) => Box::new(file.to_pose_graph().unwrap()),
+            };
+            let written = is_written.then(|| graph.to_bytes());
+            Box::new((graph, problem, written))
+        }
+        Content::ColmapText => colmap(ColmapEncoding::Text),
+        Content::ColmapBinary => colmap(ColmapEncoding::Binary),
+        Content::Trajectory => Box::new(Trajectory::parse(&files[0], path).unwrap()),
+    }
+}
+
+/// Compares the price of reading files, and of writing their solution, with what both take, the bytes of
+/// the files included.
+fn check_reading(name: &str, content: Content, files: &[Vec<u8>], is_honest: bool) {
+    let mut counts = FileCounts::default();
+    for file in files {
+        counts.add(file);
+        counts.end_file();
+    }
+    let price = counts.price(content);
+    let bytes = files.iter().map(Vec::len).sum::<usize>() as f64;
+    let with_solution = price.reading + price.solution;
+    for (is_written, estimate) in [(false, price.reading), (true, with_solution)] {
+        let actual = bytes + peak(|| drop(read(content, files, is_written)));
+        let ratio = estimate as f64 / actual;
+        let text =
+            format!("{name}: {bytes} bytes, estimate {estimate}, actual {actual}, {ratio:.2}");
+        assert!(ratio >= 1.0, "{text}");
+        assert!(ratio <= MOST || !is_honest, "{text}");
+        println!("{text}");
+    }
+}
+
+/// As many as leave lists that double just before their next doubling with the most room.
+const MANY: usize = (1 << 15) + 1;
+
+#[test]
+fn files_of_the_shortest_numbers_take_no_more_than_their_price() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let line = |text: &str| text.repeat(MANY).into_bytes();
+    let counted = |counts: [usize; 3], body: String| {
+        format!("{} {} {}\n{body}", counts[0], counts[1], counts[2])
+    };
+    let points = |count: usize| "0 0 0\n".repeat(count);
+    let cameras = |count: usize| "0 0 0 0 0 0 1 0 0\n".repeat(count);
+    let bal = counted([MANY, 0, 0], cameras(MANY));
+    check_reading("BAL, cameras", Content::Bal, &[bal.into_bytes()], false);
+    let bal = counted([0, MANY, 0], points(MANY));
+    check_reading("BAL, points", Content::Bal, &[bal.into_bytes()], false);
+    let bal = counted([1, 1, MANY], "0 0 1 1\n".repeat(MANY) + &cameras(1) + &points(1));
+    check_reading("BAL, observations", Content::Bal, &[bal.into_bytes()], false);
+
+    let number = |text: fn(usize) -> String| (0..MANY).map(text).collect::<String>().into_bytes();
+    let vertices = number(|k| format!("VERTEX_SE2 {k} 0 0 0\n"));
+    check_reading(
+        "g2o, vertices in the plane",
+        Content::Graph,
+        std::slice::from_ref(&vertices),
+        false,
+    );
+    let vertices_3d = number(|k| format!("VERTEX_SE3:QUAT {k} 0 0 0 0 0 0 1\n"));
+    check_reading("g2o, vertices in space", Content::Graph, &[vertices_3d], false);
+    let edges = number(|k| format!("EDGE_SE2 {k} {} 0 0 0 1 0 0 1 0 1\n", k + 1));
+    check_reading("g2o, edges alone in the plane", Content::Graph, &[edges], false);
+    let diagonal = "1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1";
+    let edge = format!("EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1 {diagonal}\n");
+    check_reading("g2o, edges in space", Content::Graph, &[line(&edge)], false);
+    let fixed = [&b"VERTEX_SE2 0 0 0 0\nFIX"[..], &line(" 0")].concat();
+    check_reading("g2o, fixed", Content::Graph, &[fixed], false);
+
+    let camera = b"1 SIMPLE_PINHOLE 1 1 1 1 1\n".to_vec();
+    let point = b"0 0 0 0 0 0 0 0\n".to_vec();
+    let all = number(|k| format!("{k} SIMPLE_PINHOLE 1 1 1 1 1\n"));
+    check_reading("COLMAP, cameras", Content::ColmapText, &[all, vec![], vec![]], false);
+    let all = number(|k| format!("{k} 0 0 0 0 0 0 0\n"));
+    check_reading("COLMAP, points", Content::ColmapText, &[camera.clone(), vec![], all], false);
+    let all = number(|k| format!("{k} 1 0 0 0 0 0 0 1 a\n\n"));
+    check_reading(
+        "COLMAP, images",
+        Content::ColmapText,
+        &[camera.clone(), all, point.clone()],
+        false,
+    );
+    let image = [&b"1 1 0 0 0 0 0 0 1 a\n"[..], &line("0 0 0 "), b"\n"].concat();
+    check_reading("COLMAP, keypoints", Content::ColmapText, &[camera.clone(), image, point], false);
+    let image = b"1 1 0 0 0 0 0 0 1 a\n0 0 -1\n".to_vec();
+    let track = [&b"0 0 0 0 0 0 0 0"[..], &line(" 1 0"), b"\n"].concat();
+    check_reading("COLMAP, tracks", Content::ColmapText, &[camera, image, track], false);
+
+    check_reading("trajectory", Content::Trajectory, &[line("0 0 0 0 0 0 0 1\n")], false);
+}
+
+#[test]
+fn a_binary_model_takes_no_more_than_its_price() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let camera = "1 SIMPLE_PINHOLE 1 1 1 1 1\n";
+    let made = |cameras: &str, images: &str, points: &str| {
+        let files = [cameras.as_bytes(), images.as_bytes(), points.as_bytes()];
+        let model = ColmapModel::parse(ColmapEncoding::Text, files, Path::new("file")).unwrap();
+        let files = model.to_files(ColmapEncoding::Binary).unwrap();
+        files.into_iter().map(|(_, bytes)| bytes).collect::<Vec<_>>()
+    };
+    let cameras: String = (0..MANY).map(|k| format!("{k} SIMPLE_PINHOLE 1 1 1 1 1\n")).collect();
+    check_reading("binary, cameras", Content::ColmapBinary, &made(&cameras, "", ""), false);
+    let keypoints = format!("1 1 0 0 0 0 0 0 1 a\n{}\n", "0 0 0 ".repeat(MANY));
+    let files = made(camera, &keypoints, "0 0 0 0 0 0 0 0\n");
+    check_reading("binary, keypoints", Content::ColmapBinary, &files, false);
+    let images: String = (0..MANY).map(|k| format!("{k} 1 0 0 0 0 0 0 1 a\n\n")).collect();
+    check_reading("binary, images", Content::ColmapBinary, &made(camera, &images, ""), false);
+    let points: String = (0..MANY).map(|k| format!("{k} 0 0 0 0 0 0 0\n")).collect();
+    check_reading("binary, points", Content::ColmapBinary, &made(camera, "", &points), false);
+}
+
+#[test]
+fn files_as_programs_write_them_are_not_priced_far_above_what_they_take() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/twins");
+    let file = |name: &str| std::fs::read(golden.join(name)).unwrap();
+    check_reading("window", Content::Bal, &[file("window-6-80.txt")], true);
+    check_reading("grid", Content::Graph, &[file("grid-200.g2o")], true);
+    check_reading("sphere", Content::Graph, &[file("sphere-200.g2o")], true);
+    let model = ["cameras.txt", "images.txt", "points3D.txt"];
+    let model = model.map(|name| file(&format!("colmap-room/{name}")));
+    check_reading("room", Content::ColmapText, &model, true);
 }

@@ -13,17 +13,21 @@ use anyhow::bail;
 use serde::Serialize;
 
 use super::advice::next_step;
+use crate::service::escaped;
 
 /// The reader of standard output went away; not a failure.
 #[derive(Debug, thiserror::Error)]
 #[error("standard output was closed")]
 pub(super) struct ClosedPipe;
 
-/// Writes one line (or several) to standard output and flushes it.
+/// Writes one line (or several) to standard output and flushes it. What a terminal would obey is escaped:
+/// names of other clients are among what is printed.
 ///
 /// # Errors
 /// [`ClosedPipe`] where the reader has gone; any other error of the system.
 pub(super) fn print(text: impl Display) -> anyhow::Result<()> {
+    let text = text.to_string();
+    let text = escaped(&text, &['\n', '\t']);
     let mut out = io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Ok(()) => Ok(()),
@@ -57,6 +61,7 @@ pub(super) fn table<const N: usize>(
     head: [&str; N],
     rows: impl Iterator<Item = [String; N]>,
 ) -> String {
+    let rows = rows.map(|row| row.map(|cell| escaped(&cell, &[]).into_owned()));
     let lines: Vec<[String; N]> = std::iter::once(head.map(str::to_owned)).chain(rows).collect();
     let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max();
     let widths: Vec<usize> = (0..N).map(|column| width(column).unwrap_or(0)).collect();
@@ -123,6 +128,7 @@ fn one_line(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain() {
         let text = cause.to_string().replace('\n', " ");
+        let text = escaped(&text, &['\t']).into_owned();
         if line.is_empty() {
             line = text;
         } else if !line.ends_with(&text) {
@@ -145,5 +151,7 @@ mod tests {
         assert_eq!(one_line(&error), "cannot be read: no such file");
         let error = anyhow!("line 3:\nbad").context("map.txt");
         assert_eq!(one_line(&error), "map.txt: line 3: bad");
+        let error = anyhow!("bad \u{1b}[31m name");
+        assert_eq!(one_line(&error), "bad \\u001b[31m name");
     }
 }

@@ -9,6 +9,8 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::service::escaped;
+
 /// How many log lines a whole run writes where there is no terminal.
 const LOG_LINES: u64 = 10;
 
@@ -25,7 +27,7 @@ impl Working {
             if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
                 bar.set_style(style);
             }
-            bar.set_message(what.to_string());
+            bar.set_message(escaped(&what.to_string(), &[]).into_owned());
             bar.enable_steady_tick(Duration::from_millis(250));
             bar
         }))
@@ -34,7 +36,7 @@ impl Working {
     /// Shows something else.
     pub(super) fn tell(&self, what: impl Display) {
         if let Some(bar) = &self.0 {
-            bar.set_message(what.to_string());
+            bar.set_message(escaped(&what.to_string(), &[]).into_owned());
         }
     }
 }

@@ -28,8 +28,13 @@ pub(super) fn associate(
 
 /// For each stamp of `walker` that has one: its index and its partner's in `searched`.
 fn walk(walker: &[f64], searched: &[f64], max_difference: f64) -> Vec<(usize, usize)> {
-    let nearest = if searched.is_sorted() { nearest_in_sorted } else { nearest_in_unsorted };
-    let pair = |(index, &stamp)| Some((index, nearest(searched, stamp, max_difference)?));
+    if searched.is_sorted() {
+        let pair =
+            |(index, &stamp)| Some((index, nearest_in_sorted(searched, stamp, max_difference)?));
+        return walker.iter().enumerate().filter_map(pair).collect();
+    }
+    let order = Order::of(searched);
+    let pair = |(index, &stamp)| Some((index, order.nearest(searched, stamp, max_difference)?));
     walker.iter().enumerate().filter_map(pair).collect()
 }
 
@@ -51,12 +56,30 @@ fn nearest_in_sorted(searched: &[f64], stamp: f64, max_difference: f64) -> Optio
     }
 }
 
-/// Linear search: the first of the nearest stamps.
-fn nearest_in_unsorted(searched: &[f64], stamp: f64, max_difference: f64) -> Option<usize> {
-    let distance = |s: &f64| (s - stamp).abs();
-    let (index, nearest) =
-        searched.iter().enumerate().min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)))?;
-    (distance(nearest) <= max_difference).then_some(index)
+/// Indices of stamps that are not sorted, by stamp; those of equal stamps in their own order. A search of
+/// all stamps for each pose would take hours of two long trajectories.
+struct Order(Vec<usize>);
+
+impl Order {
+    fn of(stamps: &[f64]) -> Self {
+        let mut order: Vec<usize> = (0..stamps.len()).collect();
+        order.sort_by(|&a, &b| stamps[a].total_cmp(&stamps[b]));
+        Self(order)
+    }
+
+    /// The first in the list of the nearest stamps.
+    fn nearest(&self, stamps: &[f64], stamp: f64, max_difference: f64) -> Option<usize> {
+        let from = |bound: f64| self.0.partition_point(|&index| stamps[index] < bound);
+        let above = self.0.get(from(stamp)).copied();
+        // The first of those that have the next lower stamp.
+        let below = from(stamp).checked_sub(1).map(|last| stamps[self.0[last]]);
+        let below = below.and_then(|bound| self.0.get(from(bound)).copied());
+        let distance = |index: &usize| (stamps[*index] - stamp).abs();
+        let candidates = [above, below].into_iter().flatten();
+        let nearest =
+            candidates.min_by(|a, b| distance(a).total_cmp(&distance(b)).then_with(|| a.cmp(b)))?;
+        (distance(&nearest) <= max_difference).then_some(nearest)
+    }
 }
 
 /// The motion `truth_from_estimate` that aligns `estimate` to `truth`, point k to point k.
@@ -89,4 +112,39 @@ pub(super) fn align(
     }
     let rotation = So3::from_matrix(&(u * Matrix3::from_diagonal(&signs) * v_transposed));
     Ok(Se3::new(rotation, truth_mean - rotation.rotate(&estimate_mean)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The definition: the first of the nearest stamps, by looking at all.
+    fn by_definition(searched: &[f64], stamp: f64, max_difference: f64) -> Option<usize> {
+        let distance = |s: &f64| (s - stamp).abs();
+        let nearest =
+            searched.iter().enumerate().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)));
+        nearest.filter(|(_, s)| distance(s) <= max_difference).map(|(index, _)| index)
+    }
+
+    #[test]
+    fn of_stamps_in_any_order_the_first_of_the_nearest_is_found() {
+        let mut state = 7_u64;
+        let mut next = |most: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 33) % most
+        };
+        for length in 1..40 {
+            // Quarters repeat, and lie in the middle of others.
+            let stamps: Vec<f64> = (0..length).map(|_| 0.25 * next(30) as f64).collect();
+            let order = Order::of(&stamps);
+            for step in 0..80 {
+                let stamp = 0.125 * f64::from(step) - 1.0;
+                for most in [0.0, 0.125, 0.5, 100.0] {
+                    let wanted = by_definition(&stamps, stamp, most);
+                    assert_eq!(order.nearest(&stamps, stamp, most), wanted, "{stamp} {stamps:?}");
+                }
+            }
+        }
+        assert_eq!(Order::of(&[]).nearest(&[], 0.0, 1.0), None);
+    }
 }

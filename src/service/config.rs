@@ -53,6 +53,7 @@ pub fn default_limits() -> AccountLimits {
         .with(Resource::JournalBytes, GIB / 2)
         .with(Resource::PendingJobs, 256)
         .with(Resource::JobBytes, 4 * GIB)
+        .with(Resource::Uploads, 256)
 }
 
 /// Limits of the estimate of one solve, `[solve_limits]` of `covis.toml`; a solve above them is not

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use prost::Message;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::access::{Caller, change, shown};
@@ -64,13 +65,23 @@ impl Rpcs {
         let queued = self.context.config.engine.queue_capacity;
         let mut handles = self.context.maps.list();
         handles.retain(|map| caller.owns(map.name()) && shown(map.name()) > after.as_str());
-        let more = handles.len() > size;
+        let (mut maps, mut bytes) = (Vec::new(), 0);
+        // A page ends at its number of maps, and where a map with many clients makes it too long.
+        let (mut last, mut more) = (None, handles.len() > size);
         handles.truncate(size);
-        let last = handles.last().map(|map| shown(map.name()).to_owned());
-        let mut maps = Vec::with_capacity(handles.len());
         for handle in handles {
+            let name = shown(handle.name()).to_owned();
             match handle.listed().await {
-                Ok(info) => maps.push(to_map(&info, queued)),
+                Ok(info) => {
+                    let map = to_map(&info, queued);
+                    let length = map.encoded_len() + listing::ENTRY_OVERHEAD;
+                    if !maps.is_empty() && bytes + length > listing::MESSAGE_BYTES {
+                        more = true;
+                        break;
+                    }
+                    bytes += length;
+                    maps.push(map);
+                }
                 // The map was deleted after the list was made, or another server may have it.
                 Err(
                     EngineError::MapNotFound { .. }
@@ -78,6 +89,7 @@ impl Rpcs {
                 ) => {}
                 Err(error) => return Err(error.into()),
             }
+            last = Some(name);
         }
         let last = last.filter(|_| more);
         let next_page_token = last.map(|last| list.token(&last)).unwrap_or_default();

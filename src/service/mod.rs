@@ -19,8 +19,10 @@
 //! | `readers` | threads for streams that read whole maps |
 //! | `tls` | certificates of the listeners |
 //! | `routes` | the services, as the listeners serve them |
+//! | `grpc_only`, `same_site` | what the listener of gRPC takes; requests that other sites send through a browser |
 //! | `page` | the page for browsers |
 //! | `telemetry`, `log_limit`, `random` | metrics, and spans of calls; a log that is not flooded; random ids |
+//! | `printable` | characters that a terminal prints and does not obey |
 //! | `*_service` | one file per service of the wire; `watch`, `export`, `listing` serve `MapService` |
 
 pub mod engine;
@@ -38,6 +40,7 @@ mod export;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
 mod graph_solve;
+mod grpc_only;
 mod import;
 mod ingest_service;
 mod job_service;
@@ -48,11 +51,13 @@ mod log_limit;
 mod map_service;
 mod optimization_service;
 mod page;
+mod printable;
 mod random;
 mod readers;
 mod reasons;
 mod refine;
 mod routes;
+mod same_site;
 mod server;
 mod server_service;
 mod status;
@@ -68,6 +73,7 @@ pub use connections::ConnectionLimits;
 #[cfg(feature = "cluster")]
 pub use jobs::{Worker, WorkerConfig};
 pub(crate) use jobs::{kind as kind_of_job, maps_of as maps_of_job};
+pub(crate) use printable::escaped;
 #[cfg(test)]
 pub(crate) use readers::Readers;
 #[cfg(test)]

@@ -36,6 +36,9 @@ use v1::optimize_map_response::Event;
 /// grows with the message, and other calls would wait behind a large one.
 const SMALL_MESSAGE: usize = 64 << 10;
 
+/// Most constraints that are switched off in a result: 1.5 MiB at the very most.
+const MOST_SWITCHED_OFF: usize = 10_000;
+
 /// What the solve of a request may use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SolveBudget {
@@ -205,7 +208,8 @@ pub(super) fn map_options(
 }
 
 pub(super) fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
-    let off = outcome.switched_off.iter().map(|(client, id, off)| v1::SwitchedOffConstraint {
+    let off = outcome.switched_off.iter().take(MOST_SWITCHED_OFF);
+    let off = off.map(|(client, id, off)| v1::SwitchedOffConstraint {
         constraint: Some(v1::ConstraintRef { client_id: client.clone(), id: *id }),
         switched_off: Some(to_switched_off(off)),
     });
@@ -220,6 +224,7 @@ pub(super) fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
         constraint_count: count(outcome.counts.constraints),
         switched_off_constraints: off.collect(),
         chordal_certificate: proof,
+        switched_off_constraint_count: count(outcome.switched_off.len()),
     }
 }
 

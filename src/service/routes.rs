@@ -1,5 +1,5 @@
 //! The services of the wire, each behind the guard and counted, as routes of the two listeners that
-//! share them: that of gRPC, and that of the page.
+//! share them: that of gRPC, which takes nothing else, and that of the page.
 //!
 //! Nothing is accepted here; [`super::connections`] does.
 
@@ -15,7 +15,9 @@ use tonic_health::server::HealthReporter;
 
 use super::access::Guarded;
 use super::context::{Context, Rpcs};
-use super::page::{Answering, Hosts, PageRoutes};
+use super::grpc_only::{GrpcOnly, with_fallback};
+use super::page::{Answering, PageRoutes};
+use super::same_site::Hosts;
 use super::server::ServerError;
 use super::telemetry::{Metered, respond};
 use crate::wire::v1::ingest_service_server::IngestServiceServer;
@@ -115,16 +117,16 @@ pub(super) async fn routes(
         let shown = Arc::clone(context);
         let metrics =
             Answering(move |request: &Request<Body>| respond(request, &shown).map(Body::new));
-        let metrics = Guarded::new(metrics, &context.access);
+        let metrics = Guarded::plain(metrics, &context.access);
         let page = PageRoutes::new(hosts, metrics);
         page.add(maps.clone()).add(jobs.clone()).add(info.clone()).routes()
     });
-    let grpc = Routes::new(maps)
-        .add_service(guarded!(limited!(ingest)))
-        .add_service(guarded!(limited!(optimization)))
-        .add_service(jobs)
-        .add_service(info)
-        .add_service(metered!(health_service));
+    let grpc = Routes::new(GrpcOnly::new(maps))
+        .add_service(GrpcOnly::new(guarded!(limited!(ingest))))
+        .add_service(GrpcOnly::new(guarded!(limited!(optimization))))
+        .add_service(GrpcOnly::new(jobs))
+        .add_service(GrpcOnly::new(info))
+        .add_service(GrpcOnly::new(metered!(health_service)));
     // The simulation starts thousands of servers, and reading the descriptors is half of a start.
     #[cfg(not(test))]
     let grpc = {
@@ -133,8 +135,8 @@ pub(super) async fn routes(
                 .register_encoded_file_descriptor_set(crate::wire::v1::FILE_DESCRIPTOR_SET)
                 .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
         };
-        grpc.add_service(guarded!(limited!(reflection().build_v1()?)))
-            .add_service(guarded!(limited!(reflection().build_v1alpha()?)))
+        grpc.add_service(GrpcOnly::new(guarded!(limited!(reflection().build_v1()?))))
+            .add_service(GrpcOnly::new(guarded!(limited!(reflection().build_v1alpha()?))))
     };
-    Ok(Routed { health, grpc: grpc.prepare(), page })
+    Ok(Routed { health, grpc: with_fallback(grpc).prepare(), page })
 }

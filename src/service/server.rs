@@ -35,10 +35,10 @@ use super::connections::{self, Accepted, Connections, Socket, Transport};
 use super::context::Context;
 use super::engine::{Accounts, EngineError, Maps, SolverPool};
 use super::jobs::{self, Jobs};
-use super::page::Hosts;
 use super::random::random_id;
 use super::readers::Readers;
 use super::routes::{Routed, SERVED, routes, transport};
+use super::same_site::Hosts;
 use super::telemetry::{self, ServerMeters};
 use super::tls::{self, Tls, TlsError};
 use crate::store::{
@@ -202,9 +202,8 @@ impl Server {
             draining,
             readers,
         });
-        let hosts = page.as_ref().map(|(address, _)| {
-            Hosts::of(*address, page_tls.is_some(), context.access.is_guarded())
-        });
+        let hosts =
+            page.as_ref().map(|_| Hosts::of_page(page_tls.is_some(), context.access.is_guarded()));
         let Routed { health, grpc, page: page_routes } = routes(&context, hosts).await?;
         let server = transport(&context);
         let grpc = Transport { server: server.clone(), routes: grpc, tls: tls.clone() };
@@ -218,7 +217,7 @@ impl Server {
         });
         let tls = tls.into_iter().chain(page_tls).collect();
         let metrics = metrics.map(|(address, listener)| {
-            (address, tokio::spawn(telemetry::serve(listener, Arc::clone(&context))))
+            (address, tokio::spawn(telemetry::serve(listener, address, Arc::clone(&context))))
         });
         // From here on, dropping the server ends the transport.
         Ok(StartingServer(RunningServer {

@@ -10,6 +10,7 @@ use tonic::Streaming;
 
 use super::context::Context;
 use super::error::ServiceError;
+use super::printable::is_printable;
 use crate::wire::v1;
 
 /// Longest data of a chunk, bytes.
@@ -108,8 +109,10 @@ impl<'a, M: UploadMessage> Upload<'a, M> {
             None => return Ok(None),
         };
         let v1::FileChunk { path, offset, data, last_chunk } = chunk;
-        if path.is_empty() || path.len() > MAX_PATH || path.contains(['\0', '\n']) {
-            return protocol("chunk.path", "a path has 1 to 1024 bytes in one line");
+        if path.is_empty() || path.len() > MAX_PATH || !path.chars().all(is_printable) {
+            let text =
+                "a path has 1 to 1024 bytes, no control characters and no marks of direction";
+            return protocol("chunk.path", text);
         }
         if data.len() > MAX_CHUNK {
             return protocol("chunk.data", "a chunk has at most 1 MiB");

@@ -143,7 +143,7 @@ pub struct Damage {
     /// everything.
     pub lost: Option<(u64, u64)>,
     /// The event that cannot be read although its bytes are intact; `None` where the bytes are not.
-    pub unreadable: Option<UnreadableEvent>,
+    pub unreadable: Option<Box<UnreadableEvent>>,
 }
 
 /// An event whose bytes are those that were written, and which this version cannot read or apply.
@@ -170,7 +170,7 @@ impl Damage {
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { file, offset, lost, unreadable } = self;
-        if let Some(UnreadableEvent { sequence, kind, reason, .. }) = unreadable {
+        if let Some(UnreadableEvent { sequence, kind, reason, .. }) = unreadable.as_deref() {
             write!(
                 f,
                 "{file} at byte {offset}: event {sequence} ({kind}) cannot be read: {reason}"

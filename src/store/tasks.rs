@@ -7,6 +7,7 @@ use std::fmt;
 
 use async_trait::async_trait;
 use covis_solvers::bundle_adjustment::Checkpoint;
+use tokio::io::AsyncRead;
 
 /// Why a call on the queue of tasks failed; the same call may succeed later.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -55,8 +56,13 @@ pub trait TaskQueue: fmt::Debug + Send + Sync + 'static {
     /// Keeps an input of a task that is submitted afterwards.
     ///
     /// # Errors
-    /// [`TaskError`].
-    async fn put_input(&self, task: &str, index: usize, bytes: Vec<u8>) -> Result<(), TaskError>;
+    /// [`TaskError`], also where `content` cannot be read.
+    async fn put_input(
+        &self,
+        task: &str,
+        index: usize,
+        content: &mut (dyn AsyncRead + Send + Unpin),
+    ) -> Result<(), TaskError>;
 
     /// Submits a task. Repeating it changes nothing.
     ///

@@ -38,10 +38,12 @@ fn a_file_of_another_kind_is_told_with_the_command_that_takes_it() {
 #[test]
 fn a_compressed_file_is_told_with_what_unpacks_it() {
     let workspace = Workspace::new();
-    for (head, with) in [(&b"BZh91AY&SY"[..], "bunzip2"), (b"\x1f\x8b\x08\0", "gunzip")] {
+    for (head, kind, with) in
+        [(&b"BZh91AY&SY"[..], "bzip2", "bunzip2"), (b"\x1f\x8b\x08\0", "gzip", "gunzip")]
+    {
         let path = workspace.path("problem.txt.bz2");
         fs_err::write(&path, head).unwrap();
-        let wanted = format!("problem.txt.bz2: is compressed; `{with} ");
+        let wanted = format!("problem.txt.bz2: is compressed ({kind}); `{with} ");
         workspace.run("solve bundle {}", &[&path]).expect_failure(&[&wanted]);
         workspace.run("solve pose-graph {}", &[&path]).expect_failure(&[&wanted]);
         workspace.run("eval ape {} {}", &[&path, &path]).expect_failure(&[&wanted]);

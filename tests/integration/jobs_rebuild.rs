@@ -111,7 +111,7 @@ fn a_map_with_depth_whose_poses_are_all_wrong_is_rebuilt() {
 
         let map = server.watched("room").await;
         assert_eq!(positions(&map).pop().unwrap(), blind_before, "it keeps its pose");
-        let first = |map: &v1::MapDelta| map.keyframes[0].world_from_camera.clone();
+        let first = |map: &v1::MapDelta| map.keyframes[0].world_from_camera;
         assert_eq!(first(&map), first(&before), "the gauge holds the first keyframe");
         assert_eq!(result.summary.unwrap().gauge(), v1::Gauge::FirstKeyframeFixed);
         let truth = (0..KEYFRAMES).map(|id| v1::KeyframePose {

@@ -279,15 +279,17 @@ fn each_piece_holds_its_first_keyframe_until_something_ties_it_to_another_one() 
     for event in &from.events[2..] {
         let mut change = event.change.clone();
         let move_to = |id: &mut EntityId| id.client = other;
-        match &mut change {
-            Change::CameraSet { id, .. } => move_to(id),
-            Change::KeyframeAdded { id, camera, observations, landmarks, .. } => {
-                move_to(id);
-                camera.iter_mut().for_each(move_to);
-                observations.iter_mut().for_each(|seen| move_to(&mut seen.landmark));
-                landmarks.iter_mut().for_each(|landmark| move_to(&mut landmark.id));
-            }
-            _ => panic!("{change:?}"),
+        if let Change::CameraSet { id, .. } = &mut change {
+            move_to(id);
+        } else if let Change::KeyframeAdded { id, camera, observations, landmarks, .. } =
+            &mut change
+        {
+            move_to(id);
+            camera.iter_mut().for_each(move_to);
+            observations.iter_mut().for_each(|seen| move_to(&mut seen.landmark));
+            landmarks.iter_mut().for_each(|landmark| move_to(&mut landmark.id));
+        } else {
+            panic!("{change:?}");
         }
         journal.push(change);
     }

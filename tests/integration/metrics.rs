@@ -283,6 +283,12 @@ fn there_is_one_page_to_read_and_nothing_to_write() {
         check("GET /metrics/../x HTTP/1.1\r\nhost: a\r\n\r\n", "404").await;
         check("POST /metrics HTTP/1.1\r\nhost: a\r\ncontent-length: 0\r\n\r\n", "405").await;
         check("nonsense\r\n\r\n", "400").await;
+        // A page of another site, by a request of its own or by a name that leads here.
+        let foreign = "host: a\r\norigin: http://evil.example\r\n\r\n";
+        check(&format!("GET /metrics HTTP/1.1\r\n{foreign}"), "403").await;
+        let fetched = "host: a\r\nsec-fetch-site: cross-site\r\nsec-fetch-mode: no-cors\r\n\r\n";
+        check(&format!("GET /metrics HTTP/1.1\r\n{fetched}"), "403").await;
+        check("GET /metrics HTTP/1.1\r\nhost: evil.example:80\r\n\r\n", "421").await;
         server.running.shutdown().await;
         TcpStream::connect(address).await.unwrap_err();
     });

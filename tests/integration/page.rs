@@ -220,12 +220,16 @@ fn tokens_roles_and_tenants_hold_on_the_page_as_on_the_wire() {
         );
         assert_eq!(as_who("/covis.v1.MapService/DeleteMap", "chief").await, Code::InvalidArgument);
         // Metrics are of all tenants.
-        for (name, wanted) in [("nobody", Some("16")), ("reader", Some("7")), ("chief", None)] {
+        assert_eq!(get(&server, "/metrics").await.status(), 401);
+        for (name, wanted) in [("nobody", 401), ("reader", 403), ("chief", 200)] {
             let bearer = bearer(name);
             let answer = request(&server, "GET /metrics", &[("authorization", &bearer)], &[]).await;
-            assert_eq!(answer.header("grpc-status"), wanted, "{name}: {answer:?}");
+            assert_eq!(answer.status(), wanted, "{name}: {answer:?}");
+            let challenge = (wanted == 401).then_some("Bearer");
+            assert_eq!(answer.header("www-authenticate"), challenge, "{name}");
             let body = String::from_utf8(answer.body).unwrap();
-            assert_eq!(body.contains("covis_build_info"), wanted.is_none(), "{name}");
+            assert_eq!(body.contains("covis_build_info"), wanted == 200, "{name}");
+            assert!(!body.is_empty(), "{name}");
         }
     });
 }
@@ -248,6 +252,15 @@ fn requests_that_another_site_sends_through_a_browser_are_refused() {
         let preflight = [("origin", own.as_str()), ("access-control-request-method", "POST")];
         let answer = request(&server, &format!("OPTIONS {LIST_MAPS}"), &preflight, &[]).await;
         assert_eq!(answer.header("access-control-allow-origin"), None, "{answer:?}");
+        // Newer browsers say where requests without an origin come from.
+        for (site, wanted) in [("cross-site", 403), ("same-site", 403), ("same-origin", 200)] {
+            let headers = [("sec-fetch-site", site), ("sec-fetch-mode", "no-cors")];
+            assert_eq!(call(&server, LIST_MAPS, &headers).await.status(), wanted, "{site}");
+            let answer = request(&server, "GET /page.js", &headers, &[]).await;
+            assert_eq!(answer.status(), wanted, "{site}");
+        }
+        let link = [("sec-fetch-site", "cross-site"), ("sec-fetch-mode", "navigate")];
+        assert_eq!(request(&server, "GET /", &link, &[]).await.status(), 200);
         // Not the type that only a page of the same site may send without being asked.
         let simple = [("content-type", "text/plain")];
         let answer = request(&server, &format!("POST {LIST_MAPS}"), &simple, &[0; 5]).await;
@@ -309,6 +322,24 @@ fn the_page_is_plain_on_loopback_only() {
         };
         let refused = Server::start(listener().await.unwrap(), config).await.unwrap_err();
         assert!(matches!(refused, ServerError::Page { .. }), "{refused:?}");
+    });
+}
+
+#[test]
+fn a_name_that_leads_to_an_open_listener_beyond_loopback_is_refused() {
+    run(async {
+        let server = start(|config| {
+            config.page_listen = Some("0.0.0.0:0".to_owned());
+            config.insecure_plain_text = true;
+        })
+        .await;
+        let port = server.running.page_addr().unwrap().port();
+        for (name, wanted) in [("evil.example", 421), ("192.168.1.5", 200), ("robot.local", 200)] {
+            let host = format!("{name}:{port}");
+            let origin = format!("http://{host}");
+            let headers = [("host", host.as_str()), ("origin", origin.as_str())];
+            assert_eq!(call(&server, LIST_MAPS, &headers).await.status(), wanted, "{name}");
+        }
     });
 }
 

@@ -91,7 +91,7 @@ async fn call(server: &TestServer, path: &str, who: &str, map_id: &str) -> Resul
 }
 
 /// Path, name and, where the request has one, the number of `map_id` of every RPC.
-fn rpcs() -> Vec<(String, String, Option<i32>)> {
+pub(crate) fn rpcs() -> Vec<(String, String, Option<i32>)> {
     let set = FileDescriptorSet::decode(v1::FILE_DESCRIPTOR_SET).unwrap();
     let messages: Vec<_> = set.file.iter().flat_map(|file| &file.message_type).collect();
     let mut rpcs = Vec::new();

@@ -127,7 +127,7 @@ fn a_robot_that_walks_a_loop_again_and_again_leaves_the_first_keyframe_where_it_
         let (used, _) = optimized(&server, v1::MapProblem::Full, v1::Gauge::Priors).await;
         assert_eq!(used, v1::Gauge::Free);
 
-        let request = v1::DeleteMapRequest { map_id: "room".to_owned(), ..Default::default() };
+        let request = v1::DeleteMapRequest { map_id: "room".to_owned() };
         server.maps().delete_map(request).await.unwrap();
         let told = watcher.await.unwrap();
         // The last solve alone held nothing.

@@ -35,7 +35,7 @@ fn an_upload_that_is_out_of_order_is_refused_and_leaves_nothing() {
         let server = TestServer::with(|config| config.data_dir = Some(path.clone())).await;
         let jobs = Jobs::of(&server);
         let mebibytes = vec![0; (1 << 20) + 1];
-        let cases: [(Vec<v1::UploadJobFilesRequest>, &str); 10] = [
+        let cases: [(Vec<v1::UploadJobFilesRequest>, &str); 15] = [
             (vec![], "header"),
             (vec![chunk("a", 0, b"x", true)], "header"),
             (vec![header(), header()], "header"),
@@ -45,6 +45,12 @@ fn an_upload_that_is_out_of_order_is_refused_and_leaves_nothing() {
             (vec![header(), chunk("a", 0, b"x", false), chunk("b", 0, b"", true)], "chunk.path"),
             (vec![header(), chunk("a", 0, b"x", true), chunk("a", 0, b"", true)], "chunk.path"),
             (vec![header(), chunk("", 0, b"x", true)], "chunk.path"),
+            // What a terminal obeys where the path is printed.
+            (vec![header(), chunk("a\u{1b}[2J", 0, b"x", true)], "chunk.path"),
+            (vec![header(), chunk("a\r\nb", 0, b"x", true)], "chunk.path"),
+            (vec![header(), chunk("a\u{9b}2J", 0, b"x", true)], "chunk.path"),
+            (vec![header(), chunk("a\u{7f}", 0, b"x", true)], "chunk.path"),
+            (vec![header(), chunk("a\u{202e}txt.exe", 0, b"x", true)], "chunk.path"),
             (vec![header(), chunk("a", 0, &mebibytes, true)], "chunk.data"),
         ];
         for (messages, field) in cases {
@@ -83,7 +89,8 @@ fn an_upload_whose_client_leaves_holds_nothing() {
         });
         sender.send(header()).await.unwrap();
         sender.send(chunk("a", 0, &[1; 5000], false)).await.unwrap();
-        while held(&server).await != 5000 {
+        // The bytes, the file and the upload.
+        while held(&server).await != 5000 + 2 * 8192 {
             tokio::task::yield_now().await;
         }
         call.abort();

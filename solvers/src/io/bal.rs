@@ -121,6 +121,10 @@ impl BalFile {
     #[must_use]
     pub fn to_problem(&self) -> BundleProblem {
         let mut problem = BundleProblem::default();
+        // Lists that grow by doubling would take twice the memory of a large file's.
+        problem.poses.reserve_exact(self.cameras.len());
+        problem.cameras.reserve_exact(self.cameras.len());
+        problem.landmarks.reserve_exact(self.points.len());
         for numbers in &self.cameras {
             let [.., focal, k1, k2] = *numbers;
             problem.push_pose(world_from_camera(numbers));

@@ -20,6 +20,7 @@ pub mod g2o;
 mod natural_order;
 pub mod ply;
 pub mod pose_matrix;
+pub mod reading;
 mod rotation;
 pub mod sparse_model;
 mod text;

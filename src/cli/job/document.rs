@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::super::choices::name_of;
 use super::super::output;
 use super::STATES;
-use crate::service::{kind_of_job, maps_of_job};
+use crate::service::{escaped, kind_of_job, maps_of_job};
 use crate::wire::v1;
 
 /// A job in `--json`.
@@ -35,6 +35,9 @@ pub(super) struct Document {
     cost_after: Option<f64>,
     failure: Option<Failure>,
     files: Vec<File>,
+    /// Lists of which the server answered the first entries.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    shortened_lists: Vec<ShortenedList>,
     /// The report of a job that succeeded; absent in lists.
     pub(super) report: Option<Value>,
 }
@@ -50,6 +53,13 @@ struct Failure {
 struct File {
     path: String,
     size_bytes: i64,
+}
+
+#[derive(Debug, Serialize)]
+struct ShortenedList {
+    field: String,
+    entries: i64,
+    file: String,
 }
 
 impl From<v1::Job> for Document {
@@ -87,6 +97,15 @@ impl From<v1::Job> for Document {
                 .files
                 .into_iter()
                 .map(|file| File { path: file.path, size_bytes: file.size_bytes })
+                .collect(),
+            shortened_lists: job
+                .shortened_lists
+                .into_iter()
+                .map(|list| ShortenedList {
+                    field: list.field_path,
+                    entries: list.entry_count,
+                    file: list.file_path,
+                })
                 .collect(),
             report: None,
         }
@@ -136,7 +155,7 @@ pub(super) fn line(job: &Document) -> String {
     if let Some(failure) = &job.failure {
         text.push_str(&format!(": {} ({})", failure.message, failure.reason));
     }
-    text
+    escaped(&text, &[]).into_owned()
 }
 
 /// What is known of one job, below each other.
@@ -163,6 +182,15 @@ pub(super) fn lines(job: &Document) -> Vec<(&'static str, String)> {
         lines.push(("failure", format!("{} ({})", failure.message, failure.reason)));
     }
     lines.extend(job.files.iter().map(|f| ("file", format!("{}, {} bytes", f.path, f.size_bytes))));
+    lines.extend(job.shortened_lists.iter().map(|list| {
+        let ShortenedList { field, entries, file } = list;
+        let place = if file.is_empty() { String::new() } else { format!(", all in {file}") };
+        ("cut", format!("{field}: {entries} entries{place}"))
+    }));
     lines.retain(|(_, value)| !value.is_empty());
+    // A value is one line, also where a name within it breaks it.
+    for (_, value) in &mut lines {
+        *value = escaped(value, &[]).into_owned();
+    }
     lines
 }

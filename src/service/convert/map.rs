@@ -12,6 +12,7 @@ use crate::map::{Counts, Hint, HintKind, Map, MapLimits, MapPolicy, MergedMap, R
 use crate::service::access::shown;
 use crate::service::engine::{EngineError, MapInfo, MapState, PendingWork, limit_name};
 use crate::service::error::ServiceError;
+use crate::service::printable::is_printable;
 use crate::store::Durability;
 use crate::wire::v1;
 
@@ -38,6 +39,16 @@ pub(in crate::service) fn to_durability(durability: Durability) -> v1::Durabilit
 
 /// A map's free text for people.
 pub(in crate::service) fn display_name(name: &str, out: &mut Violations) -> Option<String> {
+    let name = kept_display_name(name, out)?;
+    if name.chars().all(is_printable) {
+        return Some(name);
+    }
+    let text = "control characters and marks of direction are not taken";
+    out.report(Path::root("display_name"), Reason::OutOfRange, text)
+}
+
+/// The same of a map that exists: an earlier version took any character.
+pub(in crate::service) fn kept_display_name(name: &str, out: &mut Violations) -> Option<String> {
     if name.len() <= MAX_DISPLAY_NAME {
         return Some(name.to_owned());
     }

@@ -368,11 +368,11 @@ impl Actor {
             }
         };
         let appended = self.durability.append(Arc::clone(&event), is_large, &self.pool).await;
-        let position = appended.map_err(|error| match error {
-            StoreError::NotReadable { reason, .. } => {
-                self.refuse(&event.change, event.cause.is_some(), reason)
+        let position = appended.map_err(|error| {
+            if let StoreError::NotReadable { reason, .. } = error {
+                return self.refuse(&event.change, event.cause.is_some(), reason);
             }
-            error => EngineError::Store(error),
+            EngineError::Store(error)
         })?;
         self.recognition.changed();
         self.background.changed(&event.change);

@@ -116,7 +116,9 @@ fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
             .map(|(name, client)| {
                 let mut trajectory = Trajectory::default();
                 for (_, keyframe) in map.trajectory(client) {
-                    let seconds = seconds_of_nanoseconds(keyframe.capture_time_ns);
+                    let seconds = covis_solvers::io::trajectory::seconds_of_nanoseconds(
+                        keyframe.capture_time_ns,
+                    );
                     trajectory.push(seconds, keyframe.world_from_camera);
                 }
                 (format!("{name}.tum"), trajectory.to_bytes())

@@ -14,7 +14,9 @@ use tonic::Streaming;
 use self::upload::{Import, Pipe, files, one_file, pipe};
 use super::access::Caller;
 use super::context::Context;
-use super::convert::map::{ServerLimits, display_name, policy, to_limits, to_map, to_policy};
+use super::convert::map::{
+    ServerLimits, display_name, kept_display_name, policy, to_limits, to_map, to_policy,
+};
 use super::convert::{Path, convert, ids};
 use super::engine::{EngineError, ImportRoom, ImportedAs};
 use super::error::ServiceError;
@@ -177,7 +179,7 @@ fn kept_policy(map: &Map, path: &str, limits: &ServerLimits) -> Result<MapPolicy
         ..to_limits(&map.policy().limits, limits.queued_items)
     });
     let checked = convert(|out| {
-        display_name(map.display_name(), out)?;
+        kept_display_name(map.display_name(), out)?;
         policy(Some(&message), limits, out)
     });
     let checked = checked.map_err(|rejection| {

@@ -12,6 +12,7 @@ use covis_solvers::optimizer::IterationSummary;
 use super::Context;
 use super::entry::Entry;
 use super::solving::{SolveContext, Tell};
+use super::uploads::FILE_BYTES;
 use crate::service::engine::{Cancellation, EngineError};
 use crate::store::JobFileError;
 
@@ -96,10 +97,9 @@ impl OnDisk {
 
     /// Counts the bytes of a checkpoint for the job, once for all that replace each other.
     fn count(&mut self, bytes: u64) -> Result<(), EngineError> {
+        let bytes = FILE_BYTES + bytes;
         if bytes > self.counted {
-            let mut held = self.entry.held();
-            let amount = held.bytes.amount().saturating_add(bytes - self.counted);
-            held.bytes.resize(amount)?;
+            self.entry.grow(bytes - self.counted)?;
             self.counted = bytes;
         }
         Ok(())

@@ -12,6 +12,7 @@ use super::{JobError, Jobs};
 use crate::service::access::Caller;
 use crate::service::context::Sink;
 use crate::service::convert::count;
+use crate::service::engine::Resource;
 use crate::service::error::ServiceError;
 use crate::service::export::CHUNK_BYTES;
 use crate::store::{JobFile, JobFileError};
@@ -23,7 +24,8 @@ use super::uploads::number;
 /// Streams the files of a job of the caller's tenant, or the one that is named `path`.
 ///
 /// # Errors
-/// [`JobError::NotFound`], [`JobError::FileNotFound`], [`JobError::Failed`].
+/// [`JobError::NotFound`], [`JobError::FileNotFound`], [`JobError::Failed`], and RESOURCE_EXHAUSTED where too
+/// much is being read.
 pub(in crate::service) async fn download(
     jobs: &Jobs,
     caller: &Caller,
@@ -32,13 +34,15 @@ pub(in crate::service) async fn download(
     sink: &Sink<v1::DownloadJobFilesResponse>,
 ) -> Result<(), ServiceError> {
     let entry = jobs.get_entry(caller, job_id)?;
-    let all = entry.job().files;
+    let all = entry.files();
     let wanted: Vec<(usize, v1::JobFile)> =
         all.into_iter().enumerate().filter(|(_, f)| path.is_empty() || f.path == path).collect();
     if wanted.is_empty() && !path.is_empty() {
         let (job, path) = (job_id.to_owned(), path.to_owned());
         return Err(JobError::FileNotFound { job, path }.into());
     }
+    // Pieces wait for whoever reads them, as those of an export do.
+    let _reading = jobs.accounts.tenant(caller.tenant()).reserve(Resource::Exports, 1)?;
     let files = wanted.iter().map(|(_, file)| file.clone()).collect();
     let header = v1::DownloadJobFilesHeader { files };
     sink.send(v1::DownloadJobFilesResponse { content: Some(Content::Header(header)) }).await?;

@@ -2,7 +2,8 @@
 //!
 //! A change of its state is written first and shown afterwards, so that no client learns of a state
 //! that a crash could undo. Progress is shown only. Changes of one job are made one at a time, by whoever
-//! has [`Entry::exclusive`].
+//! has [`Entry::exclusive`]. What is shown is short enough for an answer ([`answer`](super::answer)); the
+//! record has all files besides.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, MutexGuard};
@@ -10,9 +11,11 @@ use std::sync::{Arc, MutexGuard};
 use prost::Message;
 use tokio::sync::watch;
 
-use super::JobError;
+use super::answer::shorten;
+use super::uploads::{FILE_BYTES, counted};
+use super::{JobError, answer};
 use crate::service::convert::time::timestamp;
-use crate::service::engine::{Cancellation, Reservation};
+use crate::service::engine::{Cancellation, EngineError, Reservation};
 use crate::store::{JobFiles, JobRecord, JobUid, JobUpload};
 use crate::sync::Mutex;
 use crate::wire::v1;
@@ -22,7 +25,7 @@ use v1::JobState;
 pub(super) type JobKey = (String, String);
 
 /// Bytes that a job counts besides its files and its record: an empty job is not free.
-pub(super) const JOB_BYTES: u64 = 4096;
+const JOB_BYTES: u64 = 4096;
 
 /// A job.
 pub(super) struct Entry {
@@ -39,6 +42,8 @@ pub(super) struct Entry {
     /// Whether it has had its turn.
     begun: AtomicBool,
     shown: watch::Sender<v1::Job>,
+    /// All files that it made.
+    files: Mutex<Vec<v1::JobFile>>,
     /// What is finished of its work.
     done: Mutex<v1::JobResult>,
     held: Mutex<JobReservations>,
@@ -64,12 +69,8 @@ impl Entry {
         held: JobReservations,
     ) -> Self {
         let spec = job.spec.clone().unwrap_or_default();
-        // The truth of an evaluation may be as long as a message.
-        if let Some(v1::job_spec::Spec::EvaluateTrajectory(spec)) =
-            job.spec.as_mut().and_then(|spec| spec.spec.as_mut())
-        {
-            spec.truth.clear();
-        }
+        let files = job.files.clone();
+        shorten(&mut job);
         Self {
             key,
             uid,
@@ -80,6 +81,7 @@ impl Entry {
             cancellation: Arc::default(),
             begun: AtomicBool::new(false),
             shown: watch::Sender::new(job),
+            files: Mutex::new(files),
             done: Mutex::new(done),
             held: Mutex::new(held),
             exclusive: tokio::sync::Mutex::default(),
@@ -94,6 +96,11 @@ impl Entry {
     /// The job as clients see it.
     pub(super) fn job(&self) -> v1::Job {
         self.shown.borrow().clone()
+    }
+
+    /// All files that it made, the report first.
+    pub(super) fn files(&self) -> Vec<v1::JobFile> {
+        self.files.lock().clone()
     }
 
     /// Follows the job as clients see it.
@@ -155,6 +162,29 @@ impl Entry {
         self.held.lock()
     }
 
+    /// Counts more bytes of its files.
+    ///
+    /// # Errors
+    /// RESOURCE_EXHAUSTED; then nothing is counted.
+    pub(super) fn grow(&self, more: u64) -> Result<(), EngineError> {
+        let mut held = self.held();
+        let amount = held.bytes.amount().saturating_add(more);
+        held.bytes.resize(amount)
+    }
+
+    /// Counts fewer bytes of its files.
+    pub(super) fn shrink(&self, less: u64) {
+        let mut held = self.held();
+        let amount = held.bytes.amount().saturating_sub(less);
+        held.bytes.count(amount);
+    }
+
+    /// Bytes that it counts with all that it keeps after its end.
+    pub(super) fn kept_bytes(&self) -> u64 {
+        let record = self.spec.encoded_len() + self.shown.borrow().encoded_len();
+        JOB_BYTES + record as u64 + files_bytes(&self.files.lock())
+    }
+
     /// Writes the job as `change` makes it, then shows it. The caller has [`Entry::exclusive`].
     ///
     /// # Errors
@@ -165,9 +195,16 @@ impl Entry {
         change: impl FnOnce(&mut v1::Job, &mut v1::JobResult),
     ) -> Result<(), JobError> {
         let (mut job, mut done) = (self.job(), self.done());
+        job.files = self.files();
         change(&mut job, &mut done);
-        self.write(files, &job, &done).await?;
+        answer::forget_files(&mut job);
+        let made = job.files.clone();
+        // The record has the lists of the answer, and all files.
+        shorten(&mut job);
+        let record = v1::Job { files: made.clone(), ..job.clone() };
+        self.write(files, &record, &done).await?;
         *self.done.lock() = done;
+        *self.files.lock() = made;
         let has_ended = is_ended(job.state());
         self.shown.send_modify(|shown| {
             // Progress that was reported meanwhile stays.
@@ -212,6 +249,17 @@ impl Entry {
             progress.update_time = Some(timestamp(now_ns));
         });
     }
+}
+
+/// Bytes that files count.
+pub(super) fn files_bytes(files: &[v1::JobFile]) -> u64 {
+    let content: i64 = files.iter().map(|file| file.size_bytes).sum();
+    u64::try_from(content).unwrap_or(0) + FILE_BYTES * files.len() as u64
+}
+
+/// Bytes that a job counts before it has made anything.
+pub(super) fn new_bytes(spec: &v1::JobSpec, upload: Option<&JobUpload>) -> u64 {
+    JOB_BYTES + spec.encoded_len() as u64 + upload.map_or(0, counted)
 }
 
 /// Whether a job in this state has ended.

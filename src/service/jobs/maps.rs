@@ -8,13 +8,16 @@ use std::path::Path;
 use std::sync::Arc;
 
 use covis_solvers::geometry::Se3;
+use covis_solvers::io::reading::{Content, FileCounts};
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde_json::json;
 use tokio::sync::mpsc;
 
 use super::progress::{StagesLeft, TimeLeft};
+use super::reading::admit;
 use super::run::{Made, Run, add_file, next_output, pause};
-use super::{JobError, report};
+use super::uploads::FILE_BYTES;
+use super::{JobError, reading, report};
 use crate::evaluation::{EvaluationError, ape, rpe};
 use crate::map::{ClientIndex, LastRequest, Map, Reason};
 use crate::service::access::change;
@@ -25,8 +28,8 @@ use crate::service::convert::solve::{
 };
 use crate::service::convert::{Path as FieldPath, convert, count, merge as merging, trajectory};
 use crate::service::engine::{
-    Compacted, EngineError, MapHandle, OptimizeOptions, OptimizeOutcome, OptimizeProblem, Resource,
-    SolveStep,
+    Compacted, EngineError, Estimate, MapHandle, OptimizeOptions, OptimizeOutcome, OptimizeProblem,
+    Resource, SolveStep,
 };
 use crate::service::error::ServiceError;
 use crate::service::export::{Export, Format, GraphLines, format};
@@ -37,6 +40,8 @@ use v1::job_result::Result as Kind;
 
 /// Largest difference of times that are matched, s.
 const TIME_DIFFERENCE_S: f64 = 0.01;
+/// Bytes of a pose that is compared, beside the truth: the pose, its pair, and its errors in both lists.
+const MATCHED_BYTES: u64 = 1024;
 /// Nanoseconds in a second.
 const NANOSECONDS: f64 = 1e9;
 
@@ -74,7 +79,7 @@ fn lost(
         "note": LOST,
     });
     let costs = Some((initial_cost, final_cost));
-    Made { result: result(revision, Some(summary)), costs, report }
+    Made { costs, ..Made::new(result(revision, Some(summary)), report) }
 }
 
 /// Solves a map as soon as no call does, once for each job; `on_step` sees its steps.
@@ -155,10 +160,10 @@ pub(super) async fn optimize(
         "landmarks": result.landmark_count,
         "observations": result.observation_count,
         "constraints": result.constraint_count,
-        "switched_off_constraints": result.switched_off_constraints.len(),
+        "switched_off_constraints": result.switched_off_constraint_count,
     });
     report::join(&mut report, report::solve(result.summary.as_ref(), &rows));
-    Ok(Made { result: Kind::OptimizeMap(result), costs, report })
+    Ok(Made { costs, ..Made::new(Kind::OptimizeMap(result), report) })
 }
 
 /// Poses and landmarks anew, from observations alone.
@@ -181,17 +186,16 @@ pub(super) async fn rebuild(run: &Run<'_>, map_id: &str) -> Result<Made, Service
     let summary = to_certificate(&outcome.certificate);
     let costs = Some((summary.initial_cost, summary.final_cost));
     let mut report = json!({ "map": map_id, "revision": outcome.revision });
-    let reconstruction = outcome.rebuilt.as_ref().map(to_reconstruction);
-    report::join(&mut report, report::reconstruction(reconstruction.as_ref()));
+    report::join(&mut report, report::reconstruction(outcome.rebuilt.as_ref()));
     let rows = to_iterations(&outcome.certificate.solve, true);
     report::join(&mut report, report::solve(Some(&summary), &rows));
     let result = Kind::Reconstruct(v1::ReconstructResult {
         revision: outcome.revision,
         summary: Some(summary),
-        reconstruction,
+        reconstruction: outcome.rebuilt.as_ref().map(to_reconstruction),
         problems: Vec::new(),
     });
-    Ok(Made { result, costs, report })
+    Ok(Made { costs, ..Made::new(result, report) })
 }
 
 /// `MergeMaps`.
@@ -219,7 +223,7 @@ pub(super) async fn merge(
         "closures": merged.closures,
         "scale": merged.target_from_source.scale,
     });
-    Ok(Made { result: Kind::MergeMaps(response), costs: None, report })
+    Ok(Made::new(Kind::MergeMaps(response), report))
 }
 
 /// Makes a map smaller.
@@ -252,7 +256,7 @@ pub(super) async fn compact(
         counts_after: Some(to_counts(&after)),
         retired_keyframe_count: count(retired),
     };
-    Ok(Made { result: Kind::CompactMap(result), costs: None, report })
+    Ok(Made::new(Kind::CompactMap(result), report))
 }
 
 /// Compares a trajectory with the truth.
@@ -269,9 +273,18 @@ pub(super) async fn evaluate(
     let at = FieldPath::root("truth");
     let given = convert(|out| trajectory::poses(at, &spec.truth, out))?;
     let upload = run.entry.upload.clone();
-    let (files, uid) = (Arc::clone(&run.context.jobs.files), run.entry.uid);
+    let (jobs, uid) = (&run.context.jobs, run.entry.uid);
+    let counts = match &upload {
+        None => FileCounts::default(),
+        Some(_) => reading::count(&jobs.files, uid, vec![0]).await?,
+    };
     let most = spec.max_time_difference_s.unwrap_or(TIME_DIFFERENCE_S);
-    let compared = Context::blocking(move || {
+    let matched = (map.trajectory(client).len() as u64).saturating_mul(MATCHED_BYTES);
+    let bytes = counts.price(Content::Trajectory).reading.saturating_add(matched);
+    let ceiling = run.context.config.engine.ceiling();
+    let price = admit("spec.evaluate_trajectory", bytes, &ceiling)?;
+    let files = Arc::clone(&jobs.files);
+    let compare = move || {
         let truth = match upload.as_ref().and_then(|upload| upload.files.first()) {
             None => of_poses(given.iter().map(|(time, pose)| (*time, pose))),
             Some((path, _)) => {
@@ -286,9 +299,12 @@ pub(super) async fn evaluate(
             |e: EvaluationError| ServiceError::field("truth", Reason::Inconsistent, e.to_string());
         let ape = ape(&truth, &estimate, most).map_err(unlike)?;
         let rpe = rpe(&truth, &estimate, most).map_err(unlike)?;
-        Ok((truth.len(), estimate.len(), map.revision(), ape, rpe))
-    });
-    let (truth, estimate, revision, ape, rpe) = compared.await?;
+        Ok::<_, ServiceError>((truth.len(), estimate.len(), map.revision(), ape, rpe))
+    };
+    let pool = run.context.maps.pool();
+    let account = pool.accounts().tenant(&run.entry.key.0);
+    let compared = pool.run(&account, Estimate::new(price, 1, &ceiling), compare);
+    let (truth, estimate, revision, ape, rpe) = compared.await??;
     let statistics = |evaluation: &crate::evaluation::Evaluation| {
         json!({
             "translation_m": evaluation.translation_m,
@@ -312,7 +328,7 @@ pub(super) async fn evaluate(
         relative_translation_rmse_m: rpe.translation_m.rmse,
         relative_rotation_rmse_rad: rpe.angle_deg.rmse.to_radians(),
     };
-    Ok(Made { result: Kind::EvaluateTrajectory(result), costs: None, report })
+    Ok(Made::new(Kind::EvaluateTrajectory(result), report))
 }
 
 /// The poses of a client by time.
@@ -353,8 +369,9 @@ pub(super) async fn export(
     forget_files(run).await?;
     for (done, path) in paths.iter().enumerate() {
         let (files, uid) = (Arc::clone(&run.context.jobs.files), run.entry.uid);
-        let file = next_output(&run.entry.job());
+        let file = next_output(&run.entry.files());
         let (entry, cancellation) = (Arc::clone(run.entry), Arc::clone(&run.entry.cancellation));
+        run.reserve(FILE_BYTES)?;
         let written = Context::blocking(move || {
             let (mut size, mut refused) = (0_u64, None);
             let written = files.write(&uid, file, |out| {
@@ -368,12 +385,7 @@ pub(super) async fn export(
                         }
                     };
                     let length = made.data.len() as u64;
-                    let grown = {
-                        let mut held = entry.held();
-                        let amount = held.bytes.amount().saturating_add(length);
-                        held.bytes.resize(amount)
-                    };
-                    if let Err(error) = grown {
+                    if let Err(error) = entry.grow(length) {
                         refused = Some(error.into());
                         return Err(std::io::ErrorKind::QuotaExceeded.into());
                     }
@@ -394,7 +406,7 @@ pub(super) async fn export(
         (size, export) = written.await?;
         sizes.insert(path.clone(), size);
         let size_bytes = i64::try_from(size).unwrap_or(i64::MAX);
-        run.change(|job, _| add_file(job, path.clone(), size_bytes)).await?;
+        run.change(|job, _| add_file(&mut job.files, path.clone(), size_bytes)).await?;
         run.tell(|progress| progress.share = Some((done + 1) as f64 / all as f64));
     }
     drop(reservation);
@@ -403,13 +415,12 @@ pub(super) async fn export(
         .map(|path| json!({ "path": path, "size_bytes": sizes.get(path).copied().unwrap_or(0) }))
         .collect();
     let report = json!({ "map": request.map_id, "revision": revision, "files": files });
-    let result = Kind::ExportMap(v1::ExportMapResult { revision });
-    Ok(Made { result, costs: None, report })
+    Ok(Made::new(Kind::ExportMap(v1::ExportMapResult { revision }), report))
 }
 
 /// Takes the files of an earlier attempt out of the record.
 async fn forget_files(run: &Run<'_>) -> Result<(), ServiceError> {
-    if run.entry.job().files.is_empty() {
+    if run.entry.files().is_empty() {
         return Ok(());
     }
     run.change(|job, _| job.files.clear()).await

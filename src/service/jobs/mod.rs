@@ -8,6 +8,7 @@
 //! | file | role |
 //! |---|---|
 //! | `entry` | one job, its record and what it holds |
+//! | `answer` | a job in an answer: its long lists are cut |
 //! | `spec` | what a spec asks for: role, maps, uploads |
 //! | `uploads`, `download` | the files that jobs take and make |
 //! | `schedule` | which job begins next; restarts; what has expired |
@@ -15,6 +16,7 @@
 //! | `maps` | the work on maps: optimizing, compacting, merging, exporting, evaluating |
 //! | `problems` | the work on problem files: which there are, one after the other |
 //! | `solving` | one problem, read and solved by a server or a worker |
+//! | `reading` | what reading uploaded files takes, before they are read |
 //! | `remote`, `task` | a problem that a worker solves, as its server sees it, and as messages |
 //! | `worker` | the process that solves problems of servers, behind the feature `cluster` |
 //! | `checkpoints` | solves of problem files on their way |
@@ -23,6 +25,7 @@
 //!
 //! No mathematics here: solves are those of the engine and of the solver crate.
 
+mod answer;
 mod checkpoints;
 mod download;
 mod entry;
@@ -31,6 +34,7 @@ mod maps;
 mod meters;
 mod problems;
 mod progress;
+mod reading;
 mod remote;
 mod report;
 mod run;
@@ -60,7 +64,7 @@ use super::random::random_uid;
 use crate::store::{JobFile, JobFiles, JobUid, TaskQueue};
 use crate::sync::Mutex;
 use crate::wire::v1;
-use entry::{Entry, JOB_BYTES, JobKey, JobReservations};
+use entry::{Entry, JobKey, JobReservations, new_bytes};
 use uploads::Waiting;
 use v1::JobState;
 
@@ -207,8 +211,13 @@ impl Jobs {
         Ok(self.get_entry(caller, job_id)?.follow())
     }
 
-    /// The jobs of the caller's tenant that fit, the newest first, each with its number.
-    pub(super) fn list(&self, caller: &Caller, list: &JobList<'_>) -> Vec<(i64, v1::Job)> {
+    /// The jobs of the caller's tenant that fit, the newest first, each with its number. A job is copied
+    /// when it is asked for.
+    pub(super) fn list(
+        &self,
+        caller: &Caller,
+        list: &JobList<'_>,
+    ) -> impl Iterator<Item = (i64, v1::Job)> + use<> {
         let mut entries: Vec<Arc<Entry>> = {
             let table = self.table.lock();
             let from = (caller.tenant().to_owned(), String::new());
@@ -224,7 +233,7 @@ impl Jobs {
             of_state && of_map
         };
         entries.retain(is_wanted);
-        entries.into_iter().map(|entry| (entry.number, entry.job())).collect()
+        entries.into_iter().map(|entry| (entry.number, entry.job()))
     }
 
     /// Creates a job, or answers the one that is there.
@@ -257,7 +266,7 @@ impl Jobs {
             jobs.check_free(&changes)?;
             let account = jobs.accounts.tenant(&key.0);
             let pending = account.reserve(Resource::PendingJobs, 1)?;
-            let size = JOB_BYTES + prost::Message::encoded_len(&spec) as u64;
+            let size = new_bytes(&spec, None);
             let mut bytes = account.reserve(Resource::JobBytes, size)?;
             let taken = match &asked.upload {
                 Some(id) => Some(jobs.take_upload(&key.0, id)?),
@@ -267,6 +276,8 @@ impl Jobs {
                 Some(waiting) => (waiting.uid, Some(waiting.upload.clone())),
                 None => (random_uid(), None),
             };
+            // The files are counted already, as an upload.
+            bytes.count(new_bytes(&spec, upload.as_ref()));
             let job = v1::Job {
                 job_id: key.1.clone(),
                 spec: Some(spec),
@@ -280,10 +291,6 @@ impl Jobs {
                 table.last_number += 1;
                 table.last_number
             };
-            if let Some(waiting) = &taken {
-                // Counted already, as an upload.
-                bytes.count(size + waiting.upload.bytes());
-            }
             let held = JobReservations { bytes, pending: Some(pending) };
             let done = v1::JobResult::default();
             let entry = Entry::new((key, uid, number), job, done, changes, upload, held);
@@ -411,8 +418,7 @@ impl Jobs {
     /// Removes what an ended job needs no more: what was uploaded, parts of its work, and files that it
     /// did not finish.
     async fn drop_inputs(&self, entry: &Arc<Entry>) {
-        let (uid, job) = (entry.uid, entry.job());
-        let outputs = uploads::number(job.files.len());
+        let (uid, outputs) = (entry.uid, uploads::number(entry.files().len()));
         let removed = entry::on_disk(&self.files, move |files| {
             Ok(files.retain(&uid, |file| match file {
                 JobFile::Record => true,
@@ -425,10 +431,9 @@ impl Jobs {
         if let Err(error) = removed.await {
             tracing::warn!(job = entry.id(), %error, "files of an ended job could not be removed");
         }
-        let made: i64 = job.files.iter().map(|file| file.size_bytes).sum();
-        let spec = prost::Message::encoded_len(&entry.spec) as u64;
+        let kept = entry.kept_bytes();
         let mut held = entry.held();
-        held.bytes.count(JOB_BYTES + spec + u64::try_from(made).unwrap_or(0));
+        held.bytes.count(kept);
         held.pending = None;
     }
 

@@ -8,14 +8,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use covis_solvers::io::colmap::ColmapEncoding;
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::JobError;
 use super::checkpoints::{Checkpoints, OnDisk};
-use super::remote;
-use super::run::{Made, Run, add_file, next_output};
+use super::run::{Made, Report, Run, add_file, next_output};
 use super::solving::{self, Format, SolveContext, Solved, SolvingOptions, Task, Tell};
 use super::uploads::number;
+use super::{JobError, answer, reading, remote, report};
 use crate::service::convert::count;
 use crate::service::error::ServiceError;
 use crate::store::{JobFile, JobUpload};
@@ -90,15 +89,16 @@ fn problems(upload: &JobUpload, kind: v1::ProblemFileKind) -> Vec<(String, Probl
     found
 }
 
-/// What several problems gave: each of them, costs, reports.
-type AllSolved = (Vec<v1::SolvedProblem>, Option<(f64, f64)>, Value);
+/// What several problems gave: each of them, costs, and how many reports there are.
+type AllSolved = (Vec<v1::SolvedProblem>, Option<(f64, f64)>, Report);
 
 /// Solves the files of an upload.
 pub(super) async fn solve(run: &Run<'_>, spec: &v1::SolveFilesSpec) -> Result<Made, ServiceError> {
     let options = SolvingOptions { keep: spec.keep_solutions, rebuild: false };
-    let (problems, costs, report) = solve_all(run, &spec.upload_id, spec.kind(), options).await?;
+    let (done, costs, report) = solve_all(run, &spec.upload_id, spec.kind(), options).await?;
+    let (problems, shortened) = answer::solved(done, "result.solve_files.problems");
     let result = Kind::SolveFiles(v1::SolveFilesResult { problems });
-    Ok(Made { result, costs, report })
+    Ok(Made { result, shortened, costs, report })
 }
 
 /// Reconstructs the files of an upload, and solves what was found.
@@ -108,9 +108,10 @@ pub(super) async fn rebuild(
 ) -> Result<Made, ServiceError> {
     let options = SolvingOptions { keep: spec.keep_solutions, rebuild: true };
     let kind = v1::ProblemFileKind::Bundle;
-    let (problems, costs, report) = solve_all(run, &spec.upload_id, kind, options).await?;
+    let (done, costs, report) = solve_all(run, &spec.upload_id, kind, options).await?;
+    let (problems, shortened) = answer::solved(done, "result.reconstruct.problems");
     let result = v1::ReconstructResult { problems, ..v1::ReconstructResult::default() };
-    Ok(Made { result: Kind::Reconstruct(result), costs, report })
+    Ok(Made { result: Kind::Reconstruct(result), shortened, costs, report })
 }
 
 async fn solve_all(
@@ -127,11 +128,8 @@ async fn solve_all(
         _ => Vec::new(),
     };
     let all = problems.len();
-    let mut reports = Vec::with_capacity(all);
     for (index, (path, problem)) in problems.into_iter().enumerate() {
         if index < done.len() {
-            let bytes = part(run, index).await?;
-            reports.push(serde_json::from_slice::<Value>(&bytes).unwrap_or_default());
             continue;
         }
         if index > 0 && run.context.config.holds("hold-problems") {
@@ -149,23 +147,23 @@ async fn solve_all(
         let (task, inputs) = task(run, (&path, &problem), &upload, options);
         // What a worker made is kept for this server until it is written down.
         let (solved, _outstanding) = one(run, &task, inputs, number(index)).await?;
-        let Solved { summary, reconstruction, mut report, files } = solved;
+        let Solved { summary, reconstruction, mut report, files, held } = solved;
         report["path"] = json!(path);
-        let bytes = serde_json::to_vec(&report).unwrap_or_default();
-        run.write(JobFile::Part(number(index)), bytes).await?;
+        run.write(JobFile::Part(number(index)), report::to_text(&report)).await?;
         let mut kept = Vec::new();
-        let mut shown = run.entry.job();
+        let mut made = run.entry.files();
         for (path, bytes) in files {
             let size = count(bytes.len());
-            run.write(next_output(&shown), bytes).await?;
-            add_file(&mut shown, path.clone(), size);
+            run.write(next_output(&made), bytes).await?;
+            add_file(&mut made, path.clone(), size);
             kept.push((path, size));
         }
-        done.push(v1::SolvedProblem { path, summary: Some(summary), reconstruction });
-        reports.push(report);
+        drop(held);
+        let solved = v1::SolvedProblem { path, summary: Some(summary), reconstruction };
+        answer::add_solved(&mut done, solved, all);
         let result = Kind::SolveFiles(v1::SolveFilesResult { problems: done.clone() });
         let change = run.change(|job, done| {
-            kept.iter().for_each(|(path, size)| add_file(job, path.clone(), *size));
+            kept.iter().for_each(|(path, size)| add_file(&mut job.files, path.clone(), *size));
             done.result = Some(result.clone());
         });
         change.await?;
@@ -174,20 +172,7 @@ async fn solve_all(
         done.iter().filter_map(|problem| problem.summary.as_ref()).map(cost).sum::<f64>()
     };
     let costs = Some((sum(|summary| summary.initial_cost), sum(|summary| summary.final_cost)));
-    let report = match <[Value; 1]>::try_from(reports) {
-        Ok([report]) => report,
-        Err(reports) => json!({ "problems": reports }),
-    };
-    Ok((done, costs, report))
-}
-
-/// The report of a problem that an earlier attempt solved.
-async fn part(run: &Run<'_>, index: usize) -> Result<Vec<u8>, ServiceError> {
-    let uid = run.entry.uid;
-    let read = super::entry::on_disk(&run.context.jobs.files, move |files| {
-        Ok(files.bytes(&uid, JobFile::Part(number(index)))?)
-    });
-    Ok(read.await?)
+    Ok((done, costs, Report::OfParts(number(all))))
 }
 
 /// A problem as it is solved, and the numbers of its files among those of the job.
@@ -222,6 +207,7 @@ async fn one(
     // More jobs may run than solves where workers do them.
     let closed = |_| ServiceError::Draining;
     let _permit = jobs.solves_here.acquire().await.map_err(closed)?;
+    let counts = reading::count(&jobs.files, run.entry.uid, inputs.clone()).await?;
     let (files, uid) = (Arc::clone(&jobs.files), run.entry.uid);
     let read = move || {
         let read = |input| Ok(files.bytes(&uid, JobFile::Input(input)).map_err(JobError::from)?);
@@ -238,7 +224,7 @@ async fn one(
     let on_disk = OnDisk::new(run.context, run.entry, index);
     let holds = run.context.config.holds("hold-checkpoint");
     let kept = Checkpoints::new(on_disk, holds, &solve_context);
-    Ok((solving::solve(task, &solve_context, read, kept).await?, None))
+    Ok((solving::solve(task, &solve_context, (counts, read), kept).await?, None))
 }
 
 /// Shows progress as the job's.

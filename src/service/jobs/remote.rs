@@ -5,24 +5,32 @@
 //! after it is in the job's record: until then the next start finds it again. How a problem is solved
 //! is known to `solving` alone.
 
+use std::io::{self, BufRead, Read};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::task::{Context as TaskContext, Poll, ready};
 use std::time::Duration;
 
 use prost::Message;
+use tokio::io::{AsyncRead, ReadBuf};
+use tokio::sync::mpsc;
 
 use super::run::Run;
 use super::solving::{Solved, Task};
 use super::task::{decode_result, encode_task};
 use super::{Context, JobError};
+use crate::service::engine::Resource;
 use crate::service::error::ServiceError;
-use crate::store::{JobFile, TaskError, TaskQueue, TaskState};
+use crate::store::{JobFile, JobFileError, JobFiles, JobUid, TaskError, TaskQueue, TaskState};
 use crate::wire::v1;
 
 /// How often a server looks where a task stands.
 const LOOKS: Duration = Duration::from_millis(250);
 /// Looks between two at whether there still are workers.
 const COUNTS: u32 = 8;
+/// Bytes of an input that are in memory at once.
+const PIECE_BYTES: u64 = 256 << 10;
 /// The phase of a job whose task no worker has.
 const WAITS: &str = "waits for a worker";
 
@@ -69,7 +77,14 @@ pub(super) async fn solve(
         inputs: inputs.len(),
     };
     match given(run, queue.as_ref(), (&name, task), inputs).await? {
-        Ok(Some(result)) => Ok(Some((decode_result(&result)?, outstanding))),
+        Ok(Some(result)) => {
+            let account = run.context.maps.pool().accounts().tenant(&run.entry.key.0);
+            // The message, and what it holds.
+            let bytes = 2 * result.len() as u64;
+            let held = account.reserve_existing(Resource::RunningSolveBytes, bytes);
+            let solved = decode_result(&result)?;
+            Ok(Some((Solved { held: Some(held), ..solved }, outstanding)))
+        }
         Ok(None) => {
             let kept = match queue.checkpoint(&name).await {
                 Ok(Some(checkpoint)) => {
@@ -183,14 +198,99 @@ async fn give(
 ) -> Result<Result<(), TaskError>, ServiceError> {
     if !has_inputs {
         for (index, &input) in inputs.iter().enumerate() {
-            let (files, uid) = (Arc::clone(&run.context.jobs.files), run.entry.uid);
-            let read = move |_: &_| Ok(files.bytes(&uid, JobFile::Input(input))?);
-            let bytes = super::entry::on_disk(&run.context.jobs.files, read).await;
-            let bytes = bytes.map_err(|error: JobError| ServiceError::from(error))?;
-            if let Err(error) = queue.put_input(name, index, bytes).await {
+            let (mut content, read) =
+                Pieces::of(&run.context.jobs.files, run.entry.uid, JobFile::Input(input));
+            let put = queue.put_input(name, index, &mut content).await;
+            // The reader ends where nobody takes its pieces.
+            drop(content);
+            read.await.map_err(|_lost| ServiceError::Draining)?.map_err(JobError::from)?;
+            if let Err(error) = put {
                 return Ok(Err(error));
             }
         }
     }
     Ok(queue.submit(name, encode_task(task)).await)
+}
+
+/// The bytes of a file of a job, read in pieces as they are taken.
+struct Pieces {
+    queue: mpsc::Receiver<io::Result<Vec<u8>>>,
+    piece: io::Cursor<Vec<u8>>,
+}
+
+impl Pieces {
+    /// Begins to read; the other one says how the reading ended.
+    fn of(
+        files: &Arc<JobFiles>,
+        uid: JobUid,
+        file: JobFile,
+    ) -> (Self, tokio::task::JoinHandle<Result<(), JobFileError>>) {
+        let (pieces, queue) = mpsc::channel(1);
+        let files = Arc::clone(files);
+        let reading = tokio::task::spawn_blocking(move || {
+            let read = files.read(&uid, file, |body| {
+                loop {
+                    let mut piece = Vec::new();
+                    (&mut *body).take(PIECE_BYTES).read_to_end(&mut piece)?;
+                    if piece.is_empty() || pieces.blocking_send(Ok(piece)).is_err() {
+                        return Ok(());
+                    }
+                }
+            });
+            if read.is_err() {
+                // What was taken is not whole.
+                let _taken = pieces.blocking_send(Err(io::ErrorKind::InvalidData.into()));
+            }
+            read
+        });
+        (Self { queue, piece: io::Cursor::default() }, reading)
+    }
+}
+
+impl AsyncRead for Pieces {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut TaskContext<'_>,
+        out: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        loop {
+            let rest = self.piece.fill_buf()?;
+            if !rest.is_empty() {
+                let length = rest.len().min(out.remaining());
+                out.put_slice(&rest[..length]);
+                self.piece.consume(length);
+                return Poll::Ready(Ok(()));
+            }
+            match ready!(self.queue.poll_recv(cx)) {
+                Some(piece) => self.piece = io::Cursor::new(piece?),
+                None => return Poll::Ready(Ok(())),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::AsyncReadExt as _;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_file_is_read_in_pieces_and_a_missing_one_is_no_empty_one() {
+        let (files, uid) = (Arc::new(JobFiles::in_memory()), [1; 16]);
+        let wanted: Vec<u8> = (0..3 * PIECE_BYTES + 7).map(|k| k as u8).collect();
+        files.write(&uid, JobFile::Input(0), |out| out.write_all(&wanted)).unwrap();
+        let (mut pieces, read) = Pieces::of(&files, uid, JobFile::Input(0));
+        let mut bytes = Vec::new();
+        pieces.read_to_end(&mut bytes).await.unwrap();
+        assert!(bytes == wanted);
+        read.await.unwrap().unwrap();
+        let (mut pieces, read) = Pieces::of(&files, uid, JobFile::Input(1));
+        pieces.read_to_end(&mut bytes).await.unwrap_err();
+        assert_eq!(read.await.unwrap(), Err(JobFileError::Missing));
+        // Whoever stops taking stops the reader.
+        let (pieces, read) = Pieces::of(&files, uid, JobFile::Input(0));
+        drop(pieces);
+        read.await.unwrap().unwrap();
+    }
 }

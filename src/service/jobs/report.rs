@@ -1,14 +1,57 @@
 //! Reports: what is kept of a job's work as JSON, for people and scripts.
 //!
 //! The keys of a solve are those of `covis solve --json`; numbers have all their digits. Nothing is
-//! computed here.
+//! computed here. The report of several problems is joined of theirs as texts: read again, a number might
+//! differ in its last bit.
+
+use std::io::{self, Write};
 
 use covis_solvers::evaluation::Quantity;
-use covis_solvers::reconstruction::Scale;
 use serde_json::{Value, json};
 
 use crate::service::convert::solve::to_residual_kind;
+use crate::service::engine::Rebuilt;
 use crate::wire::v1;
+
+/// A report as a file.
+pub(super) fn to_text(report: &Value) -> Vec<u8> {
+    // A value that is made here can be written.
+    let mut text = serde_json::to_vec_pretty(report).unwrap_or_default();
+    text.push(b'\n');
+    text
+}
+
+/// Writes the report of problems whose own reports are texts, which `read` gives: of one problem its own.
+/// Returns its length, bytes.
+///
+/// # Errors
+/// Those of `read` and of `out`.
+pub(super) fn join_parts(
+    parts: u32,
+    out: &mut dyn Write,
+    mut read: impl FnMut(u32) -> io::Result<Vec<u8>>,
+) -> io::Result<u64> {
+    let mut length = 0;
+    let mut put = |bytes: &[u8]| {
+        length += bytes.len() as u64;
+        out.write_all(bytes)
+    };
+    if parts == 1 {
+        put(&read(0)?)?;
+        return Ok(length);
+    }
+    put(b"{\n  \"problems\": [")?;
+    for part in 0..parts {
+        put(if part == 0 { b"" } else { b"," })?;
+        // A text of JSON has line breaks between its values only.
+        for line in read(part)?.trim_ascii().split(|&byte| byte == b'\n') {
+            put(b"\n    ")?;
+            put(line)?;
+        }
+    }
+    put(b"\n  ]\n}\n")?;
+    Ok(length)
+}
 
 /// Microseconds in a second.
 const MICROSECONDS: f64 = 1e6;
@@ -38,36 +81,30 @@ pub(super) fn solve(summary: Option<&v1::SolveSummary>, rows: &[v1::IterationSum
     })
 }
 
-/// The keys of a reconstruction: those of `rebuilt` in `covis solve --json`.
-pub(super) fn reconstruction(found: Option<&v1::Reconstruction>) -> Value {
+/// The keys of a reconstruction: those of `rebuilt` in `covis solve --json`, with all keyframes that were
+/// not placed.
+pub(super) fn reconstruction(found: Option<&Rebuilt>) -> Value {
     let Some(found) = found else { return json!({}) };
     let unplaced: Vec<Value> = found
-        .unplaced_keyframes
+        .unplaced
         .iter()
         .map(|keyframe| {
-            let client = Some(&keyframe.client_id).filter(|client| !client.is_empty());
+            let client = Some(&keyframe.client).filter(|client| !client.is_empty());
             json!({ "client": client, "id": keyframe.id, "reason": keyframe.reason })
         })
         .collect();
-    let scale = match found.length_unit() {
-        v1::LengthUnit::Unspecified => "",
-        v1::LengthUnit::Depth => Scale::Depth.name(),
-        v1::LengthUnit::RelativePoses => Scale::RelativePoses.name(),
-        v1::LengthUnit::Given => Scale::Given.name(),
-        v1::LengthUnit::Convention => Scale::Convention.name(),
-    };
     json!({ "rebuilt": {
-        "keyframes": found.keyframe_count,
-        "placed": found.placed_keyframe_count,
+        "keyframes": found.keyframes,
+        "placed": found.placed,
         "unplaced": unplaced,
-        "landmarks": found.landmark_count,
-        "placed_landmarks": found.placed_landmark_count,
-        "observations": found.observation_count,
-        "dropped_observations": found.observation_count - found.agreeing_observation_count,
-        "pairs": found.pair_count,
-        "measured_pairs": found.measured_pair_count,
-        "relative_poses": found.relative_pose_count,
-        "scale": scale,
+        "landmarks": found.landmarks,
+        "placed_landmarks": found.placed_landmarks,
+        "observations": found.observations,
+        "dropped_observations": found.observations - found.agreeing,
+        "pairs": found.view_graph.pairs,
+        "measured_pairs": found.view_graph.measured,
+        "relative_poses": found.view_graph.edges,
+        "scale": found.scale.name(),
     }})
 }
 
@@ -106,5 +143,32 @@ fn residual(residual: &v1::ResidualStatistics) -> Value {
 pub(super) fn join(object: &mut Value, more: Value) {
     if let (Value::Object(object), Value::Object(more)) = (object, more) {
         object.extend(more);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reports_of_problems_are_joined_byte_by_byte() {
+        let parts =
+            [json!({ "path": "a", "cost": 0.1 + 0.2 }), json!({ "rows": [1, 2], "no": {} })];
+        let join = |parts: &[Value]| {
+            let mut text = Vec::new();
+            let count = u32::try_from(parts.len()).unwrap();
+            let read = |part: u32| Ok(to_text(&parts[part as usize]));
+            let length = join_parts(count, &mut text, read).unwrap();
+            assert_eq!(length, text.len() as u64);
+            text
+        };
+        let whole = to_text(&json!({ "problems": parts }));
+        assert_eq!(String::from_utf8(join(&parts)), String::from_utf8(whole));
+        assert_eq!(join(&parts[..1]), to_text(&parts[0]));
+        // An earlier version wrote parts in one line.
+        let compact = |part: u32| Ok(parts[part as usize].to_string().into_bytes());
+        let mut text = Vec::new();
+        join_parts(2, &mut text, compact).unwrap();
+        assert_eq!(serde_json::from_slice::<Value>(&text).unwrap(), json!({ "problems": parts }));
     }
 }

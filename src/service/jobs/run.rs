@@ -16,9 +16,10 @@ use tonic::Status;
 use tonic_types::StatusExt as _;
 
 use super::entry::{Entry, on_disk};
-use super::uploads::number;
-use super::{Context, JobError, maps, problems, spec};
+use super::uploads::{FILE_BYTES, number};
+use super::{Context, JobError, maps, problems, report, spec};
 use crate::service::access::Caller;
+use crate::service::convert::count;
 use crate::service::convert::time::timestamp;
 use crate::service::engine::{EngineError, panic_message};
 use crate::service::error::ServiceError;
@@ -40,10 +41,28 @@ const WAITS_FOR_DISK: &str = "waits for the disk";
 pub(super) struct Made {
     /// The result.
     pub(super) result: v1::job_result::Result,
+    /// A list of the result that is longer than it is there.
+    pub(super) shortened: Option<v1::ShortenedList>,
     /// Cost before and after, where it solved something.
     pub(super) costs: Option<(f64, f64)>,
     /// What is kept of its work.
-    pub(super) report: serde_json::Value,
+    pub(super) report: Report,
+}
+
+impl Made {
+    /// Something with a short result.
+    pub(super) fn new(result: v1::job_result::Result, report: serde_json::Value) -> Self {
+        Self { result, shortened: None, costs: None, report: Report::Whole(report) }
+    }
+}
+
+/// The report of a job, as JSON.
+pub(super) enum Report {
+    /// In memory.
+    Whole(serde_json::Value),
+    /// That of each problem is a part of the work on disk: together they may be longer than what a solve
+    /// may take.
+    OfParts(u32),
 }
 
 /// A job that runs.
@@ -73,9 +92,7 @@ impl Run<'_> {
     /// # Errors
     /// RESOURCE_EXHAUSTED.
     pub(super) fn reserve(&self, more: u64) -> Result<(), EngineError> {
-        let mut held = self.entry.held();
-        let amount = held.bytes.amount().saturating_add(more);
-        held.bytes.resize(amount)
+        self.entry.grow(more)
     }
 
     /// Does work that a full disk may stop, again until there is room: the work of hours is not thrown
@@ -105,7 +122,7 @@ impl Run<'_> {
     /// # Errors
     /// RESOURCE_EXHAUSTED of the job's account, [`JobError`].
     pub(super) async fn write(&self, file: JobFile, bytes: Vec<u8>) -> Result<(), ServiceError> {
-        self.reserve(bytes.len() as u64)?;
+        self.reserve(FILE_BYTES + bytes.len() as u64)?;
         let (uid, bytes) = (self.entry.uid, Arc::<[u8]>::from(bytes));
         let files = &self.context.jobs.files;
         let write = || {
@@ -158,14 +175,16 @@ impl Run<'_> {
             self.entry.cancellation.canceled().await;
         }
         let made = self.patiently(|| self.work()).await?;
-        let mut report = serde_json::to_vec_pretty(&made.report).unwrap_or_default();
-        report.push(b'\n');
-        let size = report.len();
-        self.write(JobFile::Output(0), report).await?;
-        let file = v1::JobFile {
-            path: REPORT.to_owned(),
-            size_bytes: crate::service::convert::count(size),
+        let size_bytes = match &made.report {
+            Report::Whole(report) => {
+                let report = report::to_text(report);
+                let size = count(report.len());
+                self.write(JobFile::Output(0), report).await?;
+                size
+            }
+            Report::OfParts(parts) => self.patiently(|| self.join_parts(*parts)).await?,
         };
+        let file = v1::JobFile { path: REPORT.to_owned(), size_bytes };
         let changed = self.change(|job, _| match job.files.first_mut() {
             Some(first) => *first = file.clone(),
             None => job.files.push(file.clone()),
@@ -175,18 +194,54 @@ impl Run<'_> {
     }
 }
 
-/// The number of the file that a job writes next; 0 is the report's.
-pub(super) fn next_output(job: &v1::Job) -> JobFile {
-    JobFile::Output(number(job.files.len().max(1)))
+impl Run<'_> {
+    /// Makes the report of those of the problems, one in memory at a time; returns its size.
+    async fn join_parts(&self, parts: u32) -> Result<i64, ServiceError> {
+        self.reserve(FILE_BYTES)?;
+        let (entry, uid) = (Arc::clone(self.entry), self.entry.uid);
+        let files = Arc::clone(&self.context.jobs.files);
+        let joined = Context::blocking(move || {
+            let (mut failure, mut grown, mut size) = (None::<ServiceError>, 0_u64, 0_u64);
+            let written = files.write(&uid, JobFile::Output(0), |out| {
+                size = report::join_parts(parts, out, |part| {
+                    let read = files.bytes(&uid, JobFile::Part(part)).map_err(JobError::from);
+                    let counted = read.map_err(ServiceError::from).and_then(|bytes| {
+                        entry.grow(bytes.len() as u64)?;
+                        grown += bytes.len() as u64;
+                        Ok(bytes)
+                    });
+                    counted.map_err(|error| {
+                        failure = Some(error);
+                        std::io::ErrorKind::InvalidData.into()
+                    })
+                })?;
+                Ok(())
+            });
+            let error = match (failure, written) {
+                (None, Ok(_whole)) => return Ok(i64::try_from(size).unwrap_or(i64::MAX)),
+                (Some(error), _) => error,
+                (None, Err(error)) => JobError::from(error).into(),
+            };
+            // It may be tried again.
+            entry.shrink(FILE_BYTES + grown);
+            Err(error)
+        });
+        joined.await
+    }
+}
+
+/// The number of the file that a job with these files writes next; 0 is the report's.
+pub(super) fn next_output(files: &[v1::JobFile]) -> JobFile {
+    JobFile::Output(number(files.len().max(1)))
 }
 
 /// Adds a file that is written to those of a job.
-pub(super) fn add_file(job: &mut v1::Job, path: String, size_bytes: i64) {
-    if job.files.is_empty() {
+pub(super) fn add_file(files: &mut Vec<v1::JobFile>, path: String, size_bytes: i64) {
+    if files.is_empty() {
         // The report is the first file.
-        job.files.push(v1::JobFile { path: REPORT.to_owned(), size_bytes: 0 });
+        files.push(v1::JobFile { path: REPORT.to_owned(), size_bytes: 0 });
     }
-    job.files.push(v1::JobFile { path, size_bytes });
+    files.push(v1::JobFile { path, size_bytes });
 }
 
 /// Waits before something is tried again.
@@ -229,6 +284,7 @@ pub(super) async fn run(context: &Arc<Context>, entry: &Arc<Entry>) {
             Ok(made) => {
                 let change = |job: &mut v1::Job, _: &mut v1::JobResult| {
                     job.result = Some(v1::JobResult { result: Some(made.result.clone()) });
+                    job.shortened_lists.extend(made.shortened.clone());
                     (job.cost_before, job.cost_after) = match made.costs {
                         Some((before, after)) => (Some(before), Some(after)),
                         None => (None, None),

@@ -13,8 +13,9 @@ use std::time::Instant;
 use prost::Message;
 use tokio::task::JoinSet;
 
-use super::entry::{Entry, JOB_BYTES, JobReservations, is_ended, on_disk};
-use super::uploads::Waiting;
+use super::answer;
+use super::entry::{Entry, JobReservations, files_bytes, is_ended, new_bytes, on_disk};
+use super::uploads::{Waiting, counted};
 use super::{Context, JobError, Jobs, run, spec};
 use crate::service::access::Caller;
 use crate::service::engine::{Resource, Turn};
@@ -138,8 +139,9 @@ impl Jobs {
                 FolderContent::Job(job) => entries.push(jobs.restored(*job, context)),
                 FolderContent::Upload(folder, upload) => {
                     let account = jobs.accounts.tenant(&upload.tenant);
-                    let held = account.reserve_existing(Resource::JobBytes, upload.bytes());
-                    jobs.give_back(Waiting { uid: folder.uid, upload, _held: held });
+                    let held = account.reserve_existing(Resource::JobBytes, counted(&upload));
+                    let place = account.reserve_existing(Resource::Uploads, 1);
+                    jobs.give_back(Waiting { uid: folder.uid, upload, _held: held, _place: place });
                 }
                 FolderContent::Later(key) => {
                     jobs.table.lock().taken.insert(key);
@@ -182,11 +184,8 @@ impl Jobs {
             job.set_state(JobState::Pending);
         }
         let has_ended = is_ended(job.state());
-        let made: i64 = job.files.iter().map(|file| file.size_bytes).sum();
-        let size = JOB_BYTES
-            + spec.encoded_len() as u64
-            + u64::try_from(made).unwrap_or(0)
-            + upload.as_ref().map_or(0, crate::store::JobUpload::bytes);
+        let size = new_bytes(&spec, upload.as_ref()) + files_bytes(&job.files);
+        let done = answer::done_within_bounds(done);
         let held = JobReservations {
             bytes: account.reserve_existing(Resource::JobBytes, size),
             pending: (!has_ended).then(|| account.reserve_existing(Resource::PendingJobs, 1)),

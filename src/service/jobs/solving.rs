@@ -4,7 +4,8 @@
 //! pose graphs of g2o files, as `covis solve` does by default. A bundle is not interrupted inside of an
 //! iteration: a large dense factorization that may be interrupted rounds in another order, and the cost
 //! is to be that of `covis solve` to the last digit. Where files and checkpoints lie, and who sees the
-//! progress, is not known here.
+//! progress, is not known here. Memory is reserved from the first byte that is read until the solution is
+//! written: for reading, for the problem beside its solve, and for the solve.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -19,6 +20,7 @@ use covis_solvers::io::IoError;
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel, ColmapProblem};
 use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::io::reading::FileCounts;
 use covis_solvers::optimizer::{self, Control};
 use covis_solvers::pose_graph;
 use covis_solvers::price::{Ceiling, Price};
@@ -28,13 +30,15 @@ use serde_json::{Value, json};
 
 use super::checkpoints::Checkpoints;
 use super::progress::{StagesLeft, TimeLeft};
+use super::reading::admit;
 use super::{JobError, report};
 use crate::service::convert::count;
 use crate::service::convert::solve::{
     add_costs, to_iteration, to_iterations, to_linear_solver, to_reconstruction, to_summary,
 };
 use crate::service::engine::{
-    Account, Cancellation, EngineMeters, Estimate, Rebuilt, SolveStep, SolverPool,
+    Account, Cancellation, EngineMeters, Estimate, Rebuilt, Reservation, Resource, SolveStep,
+    SolverPool,
 };
 use crate::service::error::ServiceError;
 use crate::service::graph_solve::to_graph_summary;
@@ -42,8 +46,6 @@ use crate::wire::v1;
 
 /// Most iterations of a solve, as of `covis solve`.
 const MOST_ITERATIONS: usize = 100;
-/// Bytes in memory while a file is read, for each byte of it.
-const READING: u64 = 3;
 
 /// The format of a problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,21 +108,37 @@ pub(super) struct Solved {
     pub(super) report: Value,
     /// The solved problem, if it is kept, by the names of its files.
     pub(super) files: Vec<(String, Vec<u8>)>,
+    /// The memory of these files; none of a worker's.
+    pub(super) held: Option<Reservation>,
 }
 
-/// Reads and solves one problem; `read` gives the bytes of its files, on a thread that may block.
+/// A problem in memory.
+struct Loaded {
+    source: Source,
+    problem: ColmapProblem,
+    /// The expected cost of its solve.
+    estimate: Estimate,
+    /// The memory of both, and of the solution where it is kept.
+    held: Reservation,
+}
+
+/// Reads and solves one problem; `read` gives the bytes of its files, of which there are `counts`, on a
+/// thread that may block.
 ///
 /// # Errors
 /// Those of `read`, [`JobError::BadFile`], [`ServiceError::Unsolvable`], and RESOURCE_EXHAUSTED.
 pub(super) async fn solve(
     task: &Task,
     context: &SolveContext<'_>,
-    read: impl FnOnce() -> Result<Vec<Vec<u8>>, ServiceError> + Send + 'static,
+    (counts, read): (
+        FileCounts,
+        impl FnOnce() -> Result<Vec<Vec<u8>>, ServiceError> + Send + 'static,
+    ),
     mut kept: Checkpoints,
 ) -> Result<Solved, ServiceError> {
     let Task { path, options, ceiling, .. } = task;
     let (options, ceiling) = (*options, *ceiling);
-    let source = context.read(task, read).await?;
+    let Loaded { source, problem, estimate, held } = context.read(task, counts, read).await?;
     let cancellation = Arc::clone(&context.cancellation);
     (context.tell)(&mut |progress| progress.phase = format!("solves {path}"));
     let tell = Arc::clone(&context.tell);
@@ -139,35 +157,23 @@ pub(super) async fn solve(
             SolveStep::Reconstruction(step) => stages.show(step, &rebuilds, progress),
         });
     };
-    match source {
-        Source::Graph(graph) => {
-            let estimate = graph_estimate(&graph, &ceiling).map_err(bad_file)?;
-            let work = move || {
+    let work = move || {
+        let solved = match source {
+            Source::Graph(graph) => {
                 solve_graph(*graph, (&path, options.keep), ceiling, &cancellation, &mut tell)
-            };
-            context.pooled(estimate, work).await
-        }
-        source @ (Source::Bal(_) | Source::Colmap(..)) => {
-            let prepare = move || source.to_problem().map(|problem| (source, problem));
-            let prepared =
-                crate::service::context::Context::blocking(move || prepare().map_err(bad_file));
-            let (source, problem) = prepared.await?;
-            let bound = bundle_adjustment::price_bound(&problem.problem);
-            let estimate = Estimate::new(bound, MOST_ITERATIONS, &ceiling);
-            let work = move || {
-                let problem = (source, problem);
-                solve_bundle(
-                    problem,
-                    (&path, options),
-                    &mut kept,
-                    ceiling,
-                    &cancellation,
-                    &mut tell,
-                )
-            };
-            context.pooled(estimate, work).await
-        }
-    }
+            }
+            source @ (Source::Bal(_) | Source::Colmap(..)) => solve_bundle(
+                (source, problem),
+                (&path, options),
+                &mut kept,
+                ceiling,
+                &cancellation,
+                &mut tell,
+            ),
+        };
+        solved.map(|solved| Solved { held: Some(held), ..solved })
+    };
+    context.pooled(estimate, work).await
 }
 
 impl SolveContext<'_> {
@@ -185,22 +191,31 @@ impl SolveContext<'_> {
         result?
     }
 
-    /// Reads the files of a problem.
+    /// Reads the files of a problem, once there is memory for what they become.
     async fn read(
         &self,
         task: &Task,
+        counts: FileCounts,
         read: impl FnOnce() -> Result<Vec<Vec<u8>>, ServiceError> + Send + 'static,
-    ) -> Result<Source, ServiceError> {
-        let bytes = task.files.iter().map(|(_, size)| *size).sum::<u64>().saturating_mul(READING);
-        let (format, names) = (task.format, task.files.clone());
+    ) -> Result<Loaded, ServiceError> {
+        let price = counts.price(task.format.content());
+        let (format, names, ceiling) = (task.format, task.files.clone(), task.ceiling);
+        let bytes = admit("spec.solve_files", price.reading, &ceiling)?;
+        let solution = if task.options.keep { price.solution } else { 0 };
+        let account = Arc::clone(&self.account);
         let work = move || {
             let contents: Vec<(String, Vec<u8>)> =
                 names.into_iter().map(|(path, _)| path).zip(read()?).collect();
-            parse(format, &contents).map_err(bad_file)
+            let source = parse(format, &contents).map_err(bad_file)?;
+            drop(contents);
+            let problem = source.to_problem().map_err(bad_file)?;
+            let bound = source.price_bound(&problem).map_err(bad_file)?;
+            let estimate = Estimate::new(bound, MOST_ITERATIONS, &ceiling);
+            let bytes = price.problem.saturating_add(solution);
+            let held = account.reserve_existing(Resource::RunningSolveBytes, bytes);
+            Ok(Loaded { source, problem, estimate, held })
         };
-        // Reading is counted as the memory that it takes.
-        let price = Price { bytes, flops_per_iteration: 0.0 };
-        self.pooled(Estimate::new(price, 1, &Ceiling::NONE), work).await
+        self.pooled(Estimate::new(bytes, 1, &ceiling), work).await
     }
 }
 
@@ -229,6 +244,17 @@ impl Source {
             Self::Colmap(model, _) => model.to_problem(),
             Self::Graph(_) => Ok(ColmapProblem::default()),
         }
+    }
+
+    /// An upper bound of the price of its solve.
+    fn price_bound(&self, problem: &ColmapProblem) -> Result<Price, IoError> {
+        Ok(match self {
+            Self::Bal(_) | Self::Colmap(..) => bundle_adjustment::price_bound(&problem.problem),
+            Self::Graph(graph) => match &**graph {
+                G2oGraph::Se2(file) => pose_graph::price_bound(&file.to_pose_graph()?),
+                G2oGraph::Se3(file) => pose_graph::price_bound(&file.to_pose_graph()?),
+            },
+        })
     }
 
     /// Name of the format in reports.
@@ -294,7 +320,7 @@ fn solve_bundle(
     let images = &solved.image_ids;
     let id = |pose: usize| images.get(pose).map_or(pose as i64, |&image| image.into());
     let bundle = &mut solved.problem;
-    let reconstruction = match options.rebuild {
+    let rebuilt = match options.rebuild {
         false => None,
         true => {
             let mut step = |step: &Progress| {
@@ -336,11 +362,12 @@ fn solve_bundle(
         "behind_camera_at_start": behind_at_start,
         "behind_camera_observations": solve.behind_camera,
     });
-    report::join(&mut document, report::reconstruction(reconstruction.as_ref()));
+    report::join(&mut document, report::reconstruction(rebuilt.as_ref()));
     report::join(&mut document, report::solve(Some(&summary), &to_iterations(&solve.solve, true)));
     let files =
         if options.keep { source.files(&solved, path).map_err(bad_file)? } else { Vec::new() };
-    Ok(Solved { summary, reconstruction, report: document, files })
+    let reconstruction = rebuilt.as_ref().map(to_reconstruction);
+    Ok(Solved { summary, reconstruction, report: document, files, held: None })
 }
 
 /// Puts poses and points that are found from the observations in place of those of a file, and leaves out
@@ -350,7 +377,7 @@ fn reconstructed(
     ceiling: Ceiling,
     id: impl Fn(usize) -> i64,
     step: &mut reconstruction::Observer<'_>,
-) -> Result<v1::Reconstruction, ServiceError> {
+) -> Result<Rebuilt, ServiceError> {
     bundle.poses.fill(Se3::identity());
     bundle.landmarks.fill(Default::default());
     let options = reconstruction::Options {
@@ -361,16 +388,7 @@ fn reconstructed(
     let rebuilt = Rebuilt::new(&found, |pose| (String::new(), id(pose)));
     let rebuilt = rebuilt.map_err(unsolvable)?;
     found.apply_to(bundle);
-    Ok(to_reconstruction(&rebuilt))
-}
-
-/// The expected cost of a graph's solve.
-fn graph_estimate(graph: &G2oGraph, ceiling: &Ceiling) -> Result<Estimate, IoError> {
-    let bound = match graph {
-        G2oGraph::Se2(file) => pose_graph::price_bound(&file.to_pose_graph()?),
-        G2oGraph::Se3(file) => pose_graph::price_bound(&file.to_pose_graph()?),
-    };
-    Ok(Estimate::new(bound, MOST_ITERATIONS, ceiling))
+    Ok(rebuilt)
 }
 
 fn solve_graph(
@@ -399,7 +417,7 @@ fn solve_graph(
     document["group"] = json!(group);
     report::join(&mut document, report::solve(Some(&summary), &rows));
     let files = if keep { vec![(kept_path(path), file.to_bytes())] } else { Vec::new() };
-    Ok(Solved { summary, reconstruction: None, report: document, files })
+    Ok(Solved { summary, reconstruction: None, report: document, files, held: None })
 }
 
 fn optimize_graph<G: GraphPose<D, N>, const D: usize, const N: usize>(

@@ -99,7 +99,7 @@ pub(super) fn decode_task(bytes: &[u8]) -> Option<Task> {
 pub(super) fn encode_result(result: Result<Solved, v1::JobFailure>) -> Vec<u8> {
     let message = match result {
         Err(failure) => ResultMessage { failure: Some(failure), ..ResultMessage::default() },
-        Ok(Solved { summary, reconstruction, report, files }) => ResultMessage {
+        Ok(Solved { summary, reconstruction, report, files, held: _ }) => ResultMessage {
             failure: None,
             summary: Some(summary),
             reconstruction,
@@ -134,6 +134,7 @@ pub(super) fn decode_result(bytes: &[u8]) -> Result<Solved, ServiceError> {
             .map(number)
             .map_err(|_error| unreadable())?,
         files: message.files.into_iter().map(|file| (file.path, file.data)).collect(),
+        held: None,
     })
 }
 

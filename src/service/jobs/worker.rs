@@ -9,10 +9,12 @@ use std::future::Future;
 use std::sync::Arc;
 
 use covis_solvers::bundle_adjustment::Checkpoint;
+use covis_solvers::io::reading::FileCounts;
 use prost::Message;
 use tokio::runtime::Handle;
 
 use super::checkpoints::{CheckpointStorage, Checkpoints};
+use super::reading::admit;
 use super::run::{failure, pause};
 use super::solving::{self, SolveContext, Solved, Task, Tell};
 use super::task::{decode_task, encode_result};
@@ -163,9 +165,17 @@ impl Worker {
         };
         let Task { path, files, .. } = &task;
         tell(&mut |progress| progress.phase = format!("reads {path}"));
-        let mut inputs = Vec::with_capacity(files.len());
+        // The least that reading takes, before anything is in memory.
+        let bytes = files.iter().map(|(_, size)| *size).fold(0, u64::saturating_add);
+        if let Err(error) = admit("spec.solve_files", bytes, &task.ceiling) {
+            return Ok(Err(error));
+        }
+        let (mut inputs, mut counts) = (Vec::with_capacity(files.len()), FileCounts::default());
         for index in 0..files.len() {
-            inputs.push(taken.input(index).await?);
+            let input = taken.input(index).await?;
+            counts.add(&input);
+            counts.end_file();
+            inputs.push(input);
         }
         let solve_context = SolveContext {
             pool: &self.pool,
@@ -176,7 +186,7 @@ impl Worker {
         };
         let storage = InQueue { taken: Arc::clone(taken), runtime: Handle::current() };
         let kept = Checkpoints::new(storage, self.holds, &solve_context);
-        Ok(solving::solve(&task, &solve_context, move || Ok(inputs), kept).await)
+        Ok(solving::solve(&task, &solve_context, (counts, move || Ok(inputs)), kept).await)
     }
 }
 

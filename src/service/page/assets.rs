@@ -94,7 +94,7 @@ pub(super) fn answer(request: &Request<Body>) -> Response<Body> {
 }
 
 /// A short answer for people.
-pub(super) fn text(status: StatusCode, text: &'static str) -> Response<Body> {
+pub(in crate::service) fn text(status: StatusCode, text: &'static str) -> Response<Body> {
     let mut response = Response::new(Body::new(text.to_owned()));
     *response.status_mut() = status;
     secure(response.headers_mut());

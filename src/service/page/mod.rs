@@ -7,13 +7,13 @@
 //! |---|---|
 //! | `assets` | the files of the page, and the headers that they are answered with |
 //! | `grpc_web` | calls without trailers |
-//! | `hosts` | requests that another site has sent through a browser |
+//!
+//! Requests that another site has sent through a browser are refused by [`super::same_site`].
 //!
 //! The sources of the page are in `page/`; this module knows only the files that are built from them.
 
 mod assets;
 mod grpc_web;
-mod hosts;
 
 use std::convert::Infallible;
 use std::future::{Ready, ready};
@@ -25,9 +25,10 @@ use tonic::codegen::http::{Request, Response};
 use tonic::server::NamedService;
 use tonic::service::Routes;
 
+pub(super) use assets::text;
 use grpc_web::GrpcWeb;
-pub(super) use hosts::Hosts;
-use hosts::SameSite;
+
+use super::same_site::{Hosts, SameSite};
 
 /// A service that answers each request at once, by a function.
 #[derive(Clone, Copy, Debug)]

@@ -2,10 +2,11 @@
 //!
 //! One answer per connection, few connections at once, and little time and memory for a request. If
 //! there are too many, a new connection replaces the oldest, so that nobody keeps a scraper out.
-//! The listener reads atomics and never waits for an engine. [`respond`] is the same page for another
-//! listener.
+//! The listener reads atomics and never waits for an engine. A page of another site gets nothing
+//! ([`same_site`](crate::service::same_site)). [`respond`] is the same page for another listener.
 
 use std::convert::Infallible;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -21,6 +22,7 @@ use super::{page, text};
 use crate::service::connections::{ConnectionLimits, Connections};
 use crate::service::context::Context;
 use crate::service::log_limit::LogLimit;
+use crate::service::same_site::{Hosts, refusal};
 
 /// Connections at once; a scraper needs one.
 const MAX_CONNECTIONS: usize = 16;
@@ -29,8 +31,13 @@ const CONNECTION_TIME: Duration = Duration::from_secs(10);
 /// Room for a request, bytes; the least that the transport allows.
 const REQUEST_BYTES: usize = 8 << 10;
 
-/// Answers scrapes until it is dropped.
-pub(in crate::service) async fn serve(listener: TcpListener, context: Arc<Context>) {
+/// Answers scrapes at `address` until it is dropped.
+pub(in crate::service) async fn serve(
+    listener: TcpListener,
+    address: SocketAddr,
+    context: Arc<Context>,
+) {
+    let hosts = Hosts::of_metrics(address);
     let limits = ConnectionLimits {
         max_connections: 2 * MAX_CONNECTIONS,
         max_strangers: MAX_CONNECTIONS,
@@ -44,7 +51,7 @@ pub(in crate::service) async fn serve(listener: TcpListener, context: Arc<Contex
                 let (slot, context) = (connections.enter(peer), Arc::clone(&context));
                 answers.spawn(async move {
                     tokio::select! {
-                        () = answer(stream, context) => {}
+                        () = answer(stream, hosts, context) => {}
                         () = slot.closed() => tracing::debug!("a connection for metrics made room"),
                         () = tokio::time::sleep(CONNECTION_TIME) => {
                             tracing::debug!("a connection for metrics took too long");
@@ -65,9 +72,12 @@ pub(in crate::service) async fn serve(listener: TcpListener, context: Arc<Contex
     }
 }
 
-async fn answer(stream: TcpStream, context: Arc<Context>) {
+async fn answer(stream: TcpStream, hosts: Hosts, context: Arc<Context>) {
     let service = service_fn(move |request| {
-        let response = respond(&request, &context);
+        let response = match refusal(&request, hosts) {
+            Some((status, why)) => plain(status, why),
+            None => respond(&request, &context),
+        };
         async move { Ok::<_, Infallible>(response) }
     });
     let connection = http1::Builder::new()
@@ -80,13 +90,14 @@ async fn answer(stream: TcpStream, context: Arc<Context>) {
     }
 }
 
+fn plain(status: StatusCode, text: &str) -> Response<String> {
+    let mut response = Response::new(text.to_owned());
+    *response.status_mut() = status;
+    response
+}
+
 /// Answers a request for the page.
 pub(in crate::service) fn respond<B>(request: &Request<B>, context: &Context) -> Response<String> {
-    let plain = |status, text: &str| {
-        let mut response = Response::new(text.to_owned());
-        *response.status_mut() = status;
-        response
-    };
     if request.uri().path() != "/metrics" {
         return plain(StatusCode::NOT_FOUND, "there is /metrics only\n");
     }

@@ -293,7 +293,7 @@ fn unfit(journal: &Journal, event: &Event, reason: String, last: u64) -> Damage 
     let file =
         home.map_or_else(|| journal.folder.clone(), |f| journal.folder.join(journal_name(f)));
     let kind = event.change.name();
-    let unreadable = Some(UnreadableEvent { sequence, kind, reason, is_later: false });
+    let unreadable = Some(Box::new(UnreadableEvent { sequence, kind, reason, is_later: false }));
     Damage { lost: Some((sequence, last)), unreadable, ..whole_file(&file) }
 }
 

@@ -57,7 +57,8 @@ pub(super) fn events(journal: &Journal, from: u64, last: u64) -> Result<ReadEven
             reason: error.to_string(),
         };
         let (file, lost) = (record.path.display().to_string(), Some((record.sequence, last)));
-        unreadable = Some(Damage { file, offset: record.offset, lost, unreadable: Some(event) });
+        unreadable =
+            Some(Damage { file, offset: record.offset, lost, unreadable: Some(Box::new(event)) });
         false
     })?;
     Ok(ReadEvents { events, unreadable })

@@ -395,7 +395,7 @@ fn a_result_is_accepted_from_the_last_worker_that_took_the_task_and_once() {
         let tasks = store.tasks();
         let first = WorkerLink::open(&options(&nats)).await.unwrap();
         let second = WorkerLink::open(&options(&nats)).await.unwrap();
-        tasks.put_input("a-0", 0, vec![7; 2_000_000]).await.unwrap();
+        tasks.put_input("a-0", 0, &mut &[7; 2_000_000][..]).await.unwrap();
         tasks.submit("a-0", b"what".to_vec()).await.unwrap();
         // Again, as after a restart: there is one task all the same.
         tasks.submit("a-0", b"what".to_vec()).await.unwrap();

@@ -74,8 +74,7 @@ pub(super) async fn call(
     deadline_ms: u32,
 ) -> Answer {
     let path = format!("/{}/{}", method.parent_service().full_name(), method.name());
-    let requests: Vec<_> =
-        requests.iter().map(|request| prost::Message::encode_to_vec(request)).collect();
+    let requests: Vec<_> = requests.iter().map(prost::Message::encode_to_vec).collect();
     let mut request = Request::new(tokio_stream::iter(requests));
     // As a header alone: the client would end the call by itself.
     let deadline = format!("{deadline_ms}m").parse().unwrap();

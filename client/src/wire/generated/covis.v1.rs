@@ -1269,7 +1269,8 @@ pub struct Map {
     /// Chosen by the client, unique on the server: 1 to 63 characters of a-z, 0-9, '\_' and '-'.
     #[prost(string, tag = "1")]
     pub map_id: ::prost::alloc::string::String,
-    /// Free text for people, at most 256 bytes.
+    /// Free text for people, at most 256 bytes, without control characters and marks of direction. Those
+    /// that an earlier version took are kept.
     #[prost(string, tag = "2")]
     pub display_name: ::prost::alloc::string::String,
     /// How the server keeps and optimizes the map, with the server's defaults filled in.
@@ -3653,7 +3654,8 @@ impl ::prost::Name for UndoMergeResponse {
 /// A piece of a file.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct FileChunk {
-    /// Path with '/' below the folder of the export, never absolute and without "..".
+    /// Path with '/' below the folder of the export, never absolute and without "..". Of an upload: 1 to
+    /// 1024 bytes, without control characters and marks of direction, because terminals obey them.
     #[prost(string, tag = "1")]
     pub path: ::prost::alloc::string::String,
     /// Where in the file the data begins, bytes. Chunks of a file come in order, without gaps.
@@ -6578,14 +6580,18 @@ pub struct OptimizeMapResult {
     /// Constraints and priors in the problem.
     #[prost(int64, tag = "7")]
     pub constraint_count: i64,
-    /// All constraints and priors of the map that are switched off after it, sorted by client_id, then
-    /// id.
+    /// The constraints and priors of the map that are switched off after it, sorted by client_id, then id.
+    /// 10,000 at most: ListConstraints answers all.
     #[prost(message, repeated, tag = "8")]
     pub switched_off_constraints: ::prost::alloc::vec::Vec<SwitchedOffConstraint>,
     /// Only when asked for. It is of the chordal cost at the start of the last solve, not of the
     /// summary's.
     #[prost(message, optional, tag = "9")]
     pub chordal_certificate: ::core::option::Option<ChordalCertificate>,
+    /// Constraints and priors of the map that are switched off after it. Absent (0) in answers of earlier
+    /// servers.
+    #[prost(int64, tag = "10")]
+    pub switched_off_constraint_count: i64,
 }
 impl ::prost::Name for OptimizeMapResult {
     const NAME: &'static str = "OptimizeMapResult";
@@ -7561,7 +7567,7 @@ pub struct Job {
     /// Chosen by the client: 1 to 63 characters of a-z, 0-9, '\_' and '-'.
     #[prost(string, tag = "1")]
     pub job_id: ::prost::alloc::string::String,
-    /// What to do.
+    /// What to do; without the truth of an evaluation.
     #[prost(message, optional, tag = "2")]
     pub spec: ::core::option::Option<JobSpec>,
     /// Where it stands. Output only.
@@ -7594,7 +7600,8 @@ pub struct Job {
     /// Among the waiting jobs of a tenant the highest begins first. -100 to 100. Default 0.
     #[prost(int32, tag = "12")]
     pub priority: i32,
-    /// What DownloadJobFiles gives, the report first. Output only.
+    /// What DownloadJobFiles gives, the report first. Of many files the first, see shortened_lists. Output
+    /// only.
     #[prost(message, repeated, tag = "13")]
     pub files: ::prost::alloc::vec::Vec<JobFile>,
     /// How often it has begun: more than once after restarts of the server. Output only.
@@ -7607,6 +7614,10 @@ pub struct Job {
     /// The same after. Output only.
     #[prost(double, optional, tag = "16")]
     pub cost_after: ::core::option::Option<f64>,
+    /// Lists of this job that are longer than they are here: an answer has at most 256 KiB a job. Output
+    /// only.
+    #[prost(message, repeated, tag = "17")]
+    pub shortened_lists: ::prost::alloc::vec::Vec<ShortenedList>,
 }
 impl ::prost::Name for Job {
     const NAME: &'static str = "Job";
@@ -7616,6 +7627,32 @@ impl ::prost::Name for Job {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.Job".into()
+    }
+}
+/// A list of a job of which an answer has the first entries only.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ShortenedList {
+    /// Its path from Job, without indices: "files", "spec.merge_maps.renamed_clients",
+    /// "result.reconstruct.problems", "result.reconstruct.problems.reconstruction.unplaced_keyframes".
+    #[prost(string, tag = "1")]
+    pub field_path: ::prost::alloc::string::String,
+    /// Entries of the whole list; of lists that several entries of another list have, of those together.
+    #[prost(int64, tag = "2")]
+    pub entry_count: i64,
+    /// Path of the file of the job that has all entries. Empty where no file has them: the header of
+    /// DownloadJobFiles names all files, GetMap answers clients and merged maps, and ListConstraints
+    /// constraints that are switched off.
+    #[prost(string, tag = "3")]
+    pub file_path: ::prost::alloc::string::String,
+}
+impl ::prost::Name for ShortenedList {
+    const NAME: &'static str = "ShortenedList";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ShortenedList".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ShortenedList".into()
     }
 }
 /// A file that a job made.
@@ -7943,7 +7980,8 @@ impl ::prost::Name for ExportMapResult {
 /// See SolveFilesSpec.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct SolveFilesResult {
-    /// One for each problem, in the order in which they were solved.
+    /// One for each problem, in the order in which they were solved. Of many problems the first, see
+    /// Job.shortened_lists.
     #[prost(message, repeated, tag = "1")]
     pub problems: ::prost::alloc::vec::Vec<SolvedProblem>,
 }
@@ -7993,7 +8031,8 @@ pub struct ReconstructResult {
     /// What was found. Maps only.
     #[prost(message, optional, tag = "3")]
     pub reconstruction: ::core::option::Option<Reconstruction>,
-    /// One for each problem of the files, in the order in which they were solved.
+    /// One for each problem of the files, in the order in which they were solved. Of many problems the
+    /// first, see Job.shortened_lists.
     #[prost(message, repeated, tag = "4")]
     pub problems: ::prost::alloc::vec::Vec<SolvedProblem>,
 }
@@ -8040,7 +8079,8 @@ pub struct Reconstruction {
     /// What the unit of length is.
     #[prost(enumeration = "LengthUnit", tag = "10")]
     pub length_unit: i32,
-    /// Keyframes without a pose, 1000 at most; of a map they keep the pose that they had.
+    /// Keyframes without a pose, 1000 at most, and fewer where a job solves many problems; of a map they
+    /// keep the pose that they had. The report of a job has all of them.
     #[prost(message, repeated, tag = "11")]
     pub unplaced_keyframes: ::prost::alloc::vec::Vec<UnplacedKeyframe>,
 }
@@ -8780,7 +8820,7 @@ pub mod job_service_client {
                 .insert(GrpcMethod::new("covis.v1.JobService", "GetJob"));
             self.inner.unary(req, path, codec).await
         }
-        /// Lists the jobs, the newest first.
+        /// Lists the jobs, the newest first. A page is cut at page_size and at about 1 MiB.
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: a bad page or filter.
@@ -8909,7 +8949,8 @@ pub mod job_service_client {
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: messages out of order, a bad path or chunk, no file.
-        /// * RESOURCE_EXHAUSTED: the tenant or the server keeps no more bytes.
+        /// * RESOURCE_EXHAUSTED: the tenant or the server keeps no more bytes or uploads. Each file and each
+        ///  upload counts 8 KiB besides its content.
         /// * INTERNAL: a bug.
         pub async fn upload_job_files(
             &mut self,
@@ -8942,6 +8983,7 @@ pub mod job_service_client {
         ///
         /// * INVALID_ARGUMENT: a bad field.
         /// * NOT_FOUND: no such job or file.
+        /// * RESOURCE_EXHAUSTED: the tenant or the server reads as many exports and files as it may.
         /// * INTERNAL: a bug.
         pub async fn download_job_files(
             &mut self,
@@ -9013,7 +9055,7 @@ pub mod job_service_server {
             &self,
             request: tonic::Request<super::GetJobRequest>,
         ) -> std::result::Result<tonic::Response<super::GetJobResponse>, tonic::Status>;
-        /// Lists the jobs, the newest first.
+        /// Lists the jobs, the newest first. A page is cut at page_size and at about 1 MiB.
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: a bad page or filter.
@@ -9077,7 +9119,8 @@ pub mod job_service_server {
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: messages out of order, a bad path or chunk, no file.
-        /// * RESOURCE_EXHAUSTED: the tenant or the server keeps no more bytes.
+        /// * RESOURCE_EXHAUSTED: the tenant or the server keeps no more bytes or uploads. Each file and each
+        ///  upload counts 8 KiB besides its content.
         /// * INTERNAL: a bug.
         async fn upload_job_files(
             &self,
@@ -9100,6 +9143,7 @@ pub mod job_service_server {
         ///
         /// * INVALID_ARGUMENT: a bad field.
         /// * NOT_FOUND: no such job or file.
+        /// * RESOURCE_EXHAUSTED: the tenant or the server reads as many exports and files as it may.
         /// * INTERNAL: a bug.
         async fn download_job_files(
             &self,

@@ -46,6 +46,7 @@ from .ingest_service_pb2 import ItemViolation as ItemViolation
 from .ingest_service_pb2 import ViolationReason as ViolationReason
 from .ingest_service_pb2 import SolveFailure as SolveFailure
 from .job_pb2 import Job as Job
+from .job_pb2 import ShortenedList as ShortenedList
 from .job_pb2 import JobFile as JobFile
 from .job_pb2 import JobState as JobState
 from .job_pb2 import JobSpec as JobSpec

@@ -29,57 +29,59 @@ from covis.v1 import optimization_service_pb2 as covis_dot_v1_dot_optimization__
 from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x12\x63ovis/v1/job.proto\x12\x08\x63ovis.v1\x1a\x12\x63ovis/v1/map.proto\x1a\x1a\x63ovis/v1/map_service.proto\x1a\x1b\x63ovis/v1/optimization.proto\x1a#covis/v1/optimization_service.proto\x1a\x1fgoogle/protobuf/timestamp.proto\"\xc5\x04\n\x03Job\x12\x0e\n\x06job_id\x18\x01 \x01(\t\x12\x1f\n\x04spec\x18\x02 \x01(\x0b\x32\x11.covis.v1.JobSpec\x12!\n\x05state\x18\x03 \x01(\x0e\x32\x12.covis.v1.JobState\x12\'\n\x08progress\x18\x04 \x01(\x0b\x32\x15.covis.v1.JobProgress\x12%\n\x07\x66\x61ilure\x18\x05 \x01(\x0b\x32\x14.covis.v1.JobFailure\x12#\n\x06result\x18\x06 \x01(\x0b\x32\x13.covis.v1.JobResult\x12/\n\x0b\x63reate_time\x18\x07 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12.\n\nstart_time\x18\x08 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12,\n\x08\x65nd_time\x18\t \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12/\n\x0b\x65xpire_time\x18\n \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x18\n\x10\x63\x61ncel_requested\x18\x0b \x01(\x08\x12\x10\n\x08priority\x18\x0c \x01(\x05\x12 \n\x05\x66iles\x18\r \x03(\x0b\x32\x11.covis.v1.JobFile\x12\x15\n\rattempt_count\x18\x0e \x01(\x05\x12\x18\n\x0b\x63ost_before\x18\x0f \x01(\x01H\x00\x88\x01\x01\x12\x17\n\ncost_after\x18\x10 \x01(\x01H\x01\x88\x01\x01\x42\x0e\n\x0c_cost_beforeB\r\n\x0b_cost_after\"+\n\x07JobFile\x12\x0c\n\x04path\x18\x01 \x01(\t\x12\x12\n\nsize_bytes\x18\x02 \x01(\x03\"\xb1\x03\n\x07JobSpec\x12\x34\n\x0coptimize_map\x18\x01 \x01(\x0b\x32\x1c.covis.v1.OptimizeMapRequestH\x00\x12\x30\n\nmerge_maps\x18\x02 \x01(\x0b\x32\x1a.covis.v1.MergeMapsRequestH\x00\x12/\n\x0brebuild_map\x18\x03 \x01(\x0b\x32\x18.covis.v1.RebuildMapSpecH\x00\x12/\n\x0b\x63ompact_map\x18\x04 \x01(\x0b\x32\x18.covis.v1.CompactMapSpecH\x00\x12?\n\x13\x65valuate_trajectory\x18\x05 \x01(\x0b\x32 .covis.v1.EvaluateTrajectorySpecH\x00\x12\x30\n\nexport_map\x18\x06 \x01(\x0b\x32\x1a.covis.v1.ExportMapRequestH\x00\x12/\n\x0bsolve_files\x18\x07 \x01(\x0b\x32\x18.covis.v1.SolveFilesSpecH\x00\x12\x30\n\x0breconstruct\x18\x08 \x01(\x0b\x32\x19.covis.v1.ReconstructSpecH\x00\x42\x06\n\x04spec\"d\n\x0eSolveFilesSpec\x12\x11\n\tupload_id\x18\x01 \x01(\t\x12\'\n\x04kind\x18\x02 \x01(\x0e\x32\x19.covis.v1.ProblemFileKind\x12\x16\n\x0ekeep_solutions\x18\x03 \x01(\x08\"L\n\x0fReconstructSpec\x12\x0e\n\x06map_id\x18\x01 \x01(\t\x12\x11\n\tupload_id\x18\x02 \x01(\t\x12\x16\n\x0ekeep_solutions\x18\x03 \x01(\x08\"c\n\x0eRebuildMapSpec\x12\x15\n\rsource_map_id\x18\x01 \x01(\t\x12\x15\n\rtarget_map_id\x18\x02 \x01(\t\x12#\n\x06policy\x18\x03 \x01(\x0b\x32\x13.covis.v1.MapPolicy\"l\n\x0e\x43ompactMapSpec\x12\x0e\n\x06map_id\x18\x01 \x01(\t\x12\x1c\n\x0fredundant_share\x18\x02 \x01(\x01H\x00\x88\x01\x01\x12\x18\n\x10\x64rop_old_journal\x18\x03 \x01(\x08\x42\x12\n\x10_redundant_share\"\xb9\x01\n\x16\x45valuateTrajectorySpec\x12\x0e\n\x06map_id\x18\x01 \x01(\t\x12\x11\n\tclient_id\x18\x02 \x01(\t\x12%\n\x05truth\x18\x03 \x03(\x0b\x32\x16.covis.v1.KeyframePose\x12\"\n\x15max_time_difference_s\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\x0ftruth_upload_id\x18\x05 \x01(\tB\x18\n\x16_max_time_difference_s\"\xc4\x01\n\x0bJobProgress\x12\r\n\x05phase\x18\x01 \x01(\t\x12\x12\n\x05share\x18\x02 \x01(\x01H\x00\x88\x01\x01\x12-\n\titeration\x18\x03 \x01(\x0b\x32\x1a.covis.v1.IterationSummary\x12/\n\x0bupdate_time\x18\x04 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x18\n\x0btime_left_s\x18\x05 \x01(\x01H\x01\x88\x01\x01\x42\x08\n\x06_shareB\x0e\n\x0c_time_left_s\";\n\nJobFailure\x12\x0c\n\x04\x63ode\x18\x01 \x01(\x05\x12\x0f\n\x07message\x18\x02 \x01(\t\x12\x0e\n\x06reason\x18\x03 \x01(\t\"\xbe\x03\n\tJobResult\x12\x33\n\x0coptimize_map\x18\x01 \x01(\x0b\x32\x1b.covis.v1.OptimizeMapResultH\x00\x12\x31\n\nmerge_maps\x18\x02 \x01(\x0b\x32\x1b.covis.v1.MergeMapsResponseH\x00\x12\x31\n\x0brebuild_map\x18\x03 \x01(\x0b\x32\x1a.covis.v1.RebuildMapResultH\x00\x12\x31\n\x0b\x63ompact_map\x18\x04 \x01(\x0b\x32\x1a.covis.v1.CompactMapResultH\x00\x12\x41\n\x13\x65valuate_trajectory\x18\x05 \x01(\x0b\x32\".covis.v1.EvaluateTrajectoryResultH\x00\x12/\n\nexport_map\x18\x06 \x01(\x0b\x32\x19.covis.v1.ExportMapResultH\x00\x12\x31\n\x0bsolve_files\x18\x07 \x01(\x0b\x32\x1a.covis.v1.SolveFilesResultH\x00\x12\x32\n\x0breconstruct\x18\x08 \x01(\x0b\x32\x1b.covis.v1.ReconstructResultH\x00\x42\x08\n\x06result\"#\n\x0f\x45xportMapResult\x12\x10\n\x08revision\x18\x01 \x01(\x03\"=\n\x10SolveFilesResult\x12)\n\x08problems\x18\x01 \x03(\x0b\x32\x17.covis.v1.SolvedProblem\"x\n\rSolvedProblem\x12\x0c\n\x04path\x18\x01 \x01(\t\x12\'\n\x07summary\x18\x02 \x01(\x0b\x32\x16.covis.v1.SolveSummary\x12\x30\n\x0ereconstruction\x18\x03 \x01(\x0b\x32\x18.covis.v1.Reconstruction\"\xab\x01\n\x11ReconstructResult\x12\x10\n\x08revision\x18\x01 \x01(\x03\x12\'\n\x07summary\x18\x02 \x01(\x0b\x32\x16.covis.v1.SolveSummary\x12\x30\n\x0ereconstruction\x18\x03 \x01(\x0b\x32\x18.covis.v1.Reconstruction\x12)\n\x08problems\x18\x04 \x03(\x0b\x32\x17.covis.v1.SolvedProblem\"\xee\x02\n\x0eReconstruction\x12\x16\n\x0ekeyframe_count\x18\x01 \x01(\x03\x12\x1d\n\x15placed_keyframe_count\x18\x02 \x01(\x03\x12\x16\n\x0elandmark_count\x18\x03 \x01(\x03\x12\x1d\n\x15placed_landmark_count\x18\x04 \x01(\x03\x12\x19\n\x11observation_count\x18\x05 \x01(\x03\x12\"\n\x1a\x61greeing_observation_count\x18\x06 \x01(\x03\x12\x12\n\npair_count\x18\x07 \x01(\x03\x12\x1b\n\x13measured_pair_count\x18\x08 \x01(\x03\x12\x1b\n\x13relative_pose_count\x18\t \x01(\x03\x12)\n\x0blength_unit\x18\n \x01(\x0e\x32\x14.covis.v1.LengthUnit\x12\x36\n\x12unplaced_keyframes\x18\x0b \x03(\x0b\x32\x1a.covis.v1.UnplacedKeyframe\"A\n\x10UnplacedKeyframe\x12\x11\n\tclient_id\x18\x01 \x01(\t\x12\n\n\x02id\x18\x02 \x01(\x03\x12\x0e\n\x06reason\x18\x03 \x01(\t\".\n\x10RebuildMapResult\x12\x1a\n\x03map\x18\x01 \x01(\x0b\x32\r.covis.v1.Map\"\x89\x01\n\x10\x43ompactMapResult\x12*\n\rcounts_before\x18\x01 \x01(\x0b\x32\x13.covis.v1.MapCounts\x12)\n\x0c\x63ounts_after\x18\x02 \x01(\x0b\x32\x13.covis.v1.MapCounts\x12\x1e\n\x16retired_keyframe_count\x18\x03 \x01(\x03\"\xa4\x01\n\x18\x45valuateTrajectoryResult\x12\x1a\n\x12matched_pose_count\x18\x01 \x01(\x03\x12#\n\x1b\x61\x62solute_translation_rmse_m\x18\x02 \x01(\x01\x12#\n\x1brelative_translation_rmse_m\x18\x03 \x01(\x01\x12\"\n\x1arelative_rotation_rmse_rad\x18\x04 \x01(\x01*\x9b\x01\n\x08JobState\x12\x19\n\x15JOB_STATE_UNSPECIFIED\x10\x00\x12\x15\n\x11JOB_STATE_PENDING\x10\x01\x12\x15\n\x11JOB_STATE_RUNNING\x10\x02\x12\x17\n\x13JOB_STATE_SUCCEEDED\x10\x03\x12\x14\n\x10JOB_STATE_FAILED\x10\x04\x12\x17\n\x13JOB_STATE_CANCELLED\x10\x05*t\n\x0fProblemFileKind\x12!\n\x1dPROBLEM_FILE_KIND_UNSPECIFIED\x10\x00\x12\x1c\n\x18PROBLEM_FILE_KIND_BUNDLE\x10\x01\x12 \n\x1cPROBLEM_FILE_KIND_POSE_GRAPH\x10\x02*\x93\x01\n\nLengthUnit\x12\x1b\n\x17LENGTH_UNIT_UNSPECIFIED\x10\x00\x12\x15\n\x11LENGTH_UNIT_DEPTH\x10\x01\x12\x1e\n\x1aLENGTH_UNIT_RELATIVE_POSES\x10\x02\x12\x15\n\x11LENGTH_UNIT_GIVEN\x10\x03\x12\x1a\n\x16LENGTH_UNIT_CONVENTION\x10\x04\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x12\x63ovis/v1/job.proto\x12\x08\x63ovis.v1\x1a\x12\x63ovis/v1/map.proto\x1a\x1a\x63ovis/v1/map_service.proto\x1a\x1b\x63ovis/v1/optimization.proto\x1a#covis/v1/optimization_service.proto\x1a\x1fgoogle/protobuf/timestamp.proto\"\xf7\x04\n\x03Job\x12\x0e\n\x06job_id\x18\x01 \x01(\t\x12\x1f\n\x04spec\x18\x02 \x01(\x0b\x32\x11.covis.v1.JobSpec\x12!\n\x05state\x18\x03 \x01(\x0e\x32\x12.covis.v1.JobState\x12\'\n\x08progress\x18\x04 \x01(\x0b\x32\x15.covis.v1.JobProgress\x12%\n\x07\x66\x61ilure\x18\x05 \x01(\x0b\x32\x14.covis.v1.JobFailure\x12#\n\x06result\x18\x06 \x01(\x0b\x32\x13.covis.v1.JobResult\x12/\n\x0b\x63reate_time\x18\x07 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12.\n\nstart_time\x18\x08 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12,\n\x08\x65nd_time\x18\t \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12/\n\x0b\x65xpire_time\x18\n \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x18\n\x10\x63\x61ncel_requested\x18\x0b \x01(\x08\x12\x10\n\x08priority\x18\x0c \x01(\x05\x12 \n\x05\x66iles\x18\r \x03(\x0b\x32\x11.covis.v1.JobFile\x12\x15\n\rattempt_count\x18\x0e \x01(\x05\x12\x18\n\x0b\x63ost_before\x18\x0f \x01(\x01H\x00\x88\x01\x01\x12\x17\n\ncost_after\x18\x10 \x01(\x01H\x01\x88\x01\x01\x12\x30\n\x0fshortened_lists\x18\x11 \x03(\x0b\x32\x17.covis.v1.ShortenedListB\x0e\n\x0c_cost_beforeB\r\n\x0b_cost_after\"K\n\rShortenedList\x12\x12\n\nfield_path\x18\x01 \x01(\t\x12\x13\n\x0b\x65ntry_count\x18\x02 \x01(\x03\x12\x11\n\tfile_path\x18\x03 \x01(\t\"+\n\x07JobFile\x12\x0c\n\x04path\x18\x01 \x01(\t\x12\x12\n\nsize_bytes\x18\x02 \x01(\x03\"\xb1\x03\n\x07JobSpec\x12\x34\n\x0coptimize_map\x18\x01 \x01(\x0b\x32\x1c.covis.v1.OptimizeMapRequestH\x00\x12\x30\n\nmerge_maps\x18\x02 \x01(\x0b\x32\x1a.covis.v1.MergeMapsRequestH\x00\x12/\n\x0brebuild_map\x18\x03 \x01(\x0b\x32\x18.covis.v1.RebuildMapSpecH\x00\x12/\n\x0b\x63ompact_map\x18\x04 \x01(\x0b\x32\x18.covis.v1.CompactMapSpecH\x00\x12?\n\x13\x65valuate_trajectory\x18\x05 \x01(\x0b\x32 .covis.v1.EvaluateTrajectorySpecH\x00\x12\x30\n\nexport_map\x18\x06 \x01(\x0b\x32\x1a.covis.v1.ExportMapRequestH\x00\x12/\n\x0bsolve_files\x18\x07 \x01(\x0b\x32\x18.covis.v1.SolveFilesSpecH\x00\x12\x30\n\x0breconstruct\x18\x08 \x01(\x0b\x32\x19.covis.v1.ReconstructSpecH\x00\x42\x06\n\x04spec\"d\n\x0eSolveFilesSpec\x12\x11\n\tupload_id\x18\x01 \x01(\t\x12\'\n\x04kind\x18\x02 \x01(\x0e\x32\x19.covis.v1.ProblemFileKind\x12\x16\n\x0ekeep_solutions\x18\x03 \x01(\x08\"L\n\x0fReconstructSpec\x12\x0e\n\x06map_id\x18\x01 \x01(\t\x12\x11\n\tupload_id\x18\x02 \x01(\t\x12\x16\n\x0ekeep_solutions\x18\x03 \x01(\x08\"c\n\x0eRebuildMapSpec\x12\x15\n\rsource_map_id\x18\x01 \x01(\t\x12\x15\n\rtarget_map_id\x18\x02 \x01(\t\x12#\n\x06policy\x18\x03 \x01(\x0b\x32\x13.covis.v1.MapPolicy\"l\n\x0e\x43ompactMapSpec\x12\x0e\n\x06map_id\x18\x01 \x01(\t\x12\x1c\n\x0fredundant_share\x18\x02 \x01(\x01H\x00\x88\x01\x01\x12\x18\n\x10\x64rop_old_journal\x18\x03 \x01(\x08\x42\x12\n\x10_redundant_share\"\xb9\x01\n\x16\x45valuateTrajectorySpec\x12\x0e\n\x06map_id\x18\x01 \x01(\t\x12\x11\n\tclient_id\x18\x02 \x01(\t\x12%\n\x05truth\x18\x03 \x03(\x0b\x32\x16.covis.v1.KeyframePose\x12\"\n\x15max_time_difference_s\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x17\n\x0ftruth_upload_id\x18\x05 \x01(\tB\x18\n\x16_max_time_difference_s\"\xc4\x01\n\x0bJobProgress\x12\r\n\x05phase\x18\x01 \x01(\t\x12\x12\n\x05share\x18\x02 \x01(\x01H\x00\x88\x01\x01\x12-\n\titeration\x18\x03 \x01(\x0b\x32\x1a.covis.v1.IterationSummary\x12/\n\x0bupdate_time\x18\x04 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x18\n\x0btime_left_s\x18\x05 \x01(\x01H\x01\x88\x01\x01\x42\x08\n\x06_shareB\x0e\n\x0c_time_left_s\";\n\nJobFailure\x12\x0c\n\x04\x63ode\x18\x01 \x01(\x05\x12\x0f\n\x07message\x18\x02 \x01(\t\x12\x0e\n\x06reason\x18\x03 \x01(\t\"\xbe\x03\n\tJobResult\x12\x33\n\x0coptimize_map\x18\x01 \x01(\x0b\x32\x1b.covis.v1.OptimizeMapResultH\x00\x12\x31\n\nmerge_maps\x18\x02 \x01(\x0b\x32\x1b.covis.v1.MergeMapsResponseH\x00\x12\x31\n\x0brebuild_map\x18\x03 \x01(\x0b\x32\x1a.covis.v1.RebuildMapResultH\x00\x12\x31\n\x0b\x63ompact_map\x18\x04 \x01(\x0b\x32\x1a.covis.v1.CompactMapResultH\x00\x12\x41\n\x13\x65valuate_trajectory\x18\x05 \x01(\x0b\x32\".covis.v1.EvaluateTrajectoryResultH\x00\x12/\n\nexport_map\x18\x06 \x01(\x0b\x32\x19.covis.v1.ExportMapResultH\x00\x12\x31\n\x0bsolve_files\x18\x07 \x01(\x0b\x32\x1a.covis.v1.SolveFilesResultH\x00\x12\x32\n\x0breconstruct\x18\x08 \x01(\x0b\x32\x1b.covis.v1.ReconstructResultH\x00\x42\x08\n\x06result\"#\n\x0f\x45xportMapResult\x12\x10\n\x08revision\x18\x01 \x01(\x03\"=\n\x10SolveFilesResult\x12)\n\x08problems\x18\x01 \x03(\x0b\x32\x17.covis.v1.SolvedProblem\"x\n\rSolvedProblem\x12\x0c\n\x04path\x18\x01 \x01(\t\x12\'\n\x07summary\x18\x02 \x01(\x0b\x32\x16.covis.v1.SolveSummary\x12\x30\n\x0ereconstruction\x18\x03 \x01(\x0b\x32\x18.covis.v1.Reconstruction\"\xab\x01\n\x11ReconstructResult\x12\x10\n\x08revision\x18\x01 \x01(\x03\x12\'\n\x07summary\x18\x02 \x01(\x0b\x32\x16.covis.v1.SolveSummary\x12\x30\n\x0ereconstruction\x18\x03 \x01(\x0b\x32\x18.covis.v1.Reconstruction\x12)\n\x08problems\x18\x04 \x03(\x0b\x32\x17.covis.v1.SolvedProblem\"\xee\x02\n\x0eReconstruction\x12\x16\n\x0ekeyframe_count\x18\x01 \x01(\x03\x12\x1d\n\x15placed_keyframe_count\x18\x02 \x01(\x03\x12\x16\n\x0elandmark_count\x18\x03 \x01(\x03\x12\x1d\n\x15placed_landmark_count\x18\x04 \x01(\x03\x12\x19\n\x11observation_count\x18\x05 \x01(\x03\x12\"\n\x1a\x61greeing_observation_count\x18\x06 \x01(\x03\x12\x12\n\npair_count\x18\x07 \x01(\x03\x12\x1b\n\x13measured_pair_count\x18\x08 \x01(\x03\x12\x1b\n\x13relative_pose_count\x18\t \x01(\x03\x12)\n\x0blength_unit\x18\n \x01(\x0e\x32\x14.covis.v1.LengthUnit\x12\x36\n\x12unplaced_keyframes\x18\x0b \x03(\x0b\x32\x1a.covis.v1.UnplacedKeyframe\"A\n\x10UnplacedKeyframe\x12\x11\n\tclient_id\x18\x01 \x01(\t\x12\n\n\x02id\x18\x02 \x01(\x03\x12\x0e\n\x06reason\x18\x03 \x01(\t\".\n\x10RebuildMapResult\x12\x1a\n\x03map\x18\x01 \x01(\x0b\x32\r.covis.v1.Map\"\x89\x01\n\x10\x43ompactMapResult\x12*\n\rcounts_before\x18\x01 \x01(\x0b\x32\x13.covis.v1.MapCounts\x12)\n\x0c\x63ounts_after\x18\x02 \x01(\x0b\x32\x13.covis.v1.MapCounts\x12\x1e\n\x16retired_keyframe_count\x18\x03 \x01(\x03\"\xa4\x01\n\x18\x45valuateTrajectoryResult\x12\x1a\n\x12matched_pose_count\x18\x01 \x01(\x03\x12#\n\x1b\x61\x62solute_translation_rmse_m\x18\x02 \x01(\x01\x12#\n\x1brelative_translation_rmse_m\x18\x03 \x01(\x01\x12\"\n\x1arelative_rotation_rmse_rad\x18\x04 \x01(\x01*\x9b\x01\n\x08JobState\x12\x19\n\x15JOB_STATE_UNSPECIFIED\x10\x00\x12\x15\n\x11JOB_STATE_PENDING\x10\x01\x12\x15\n\x11JOB_STATE_RUNNING\x10\x02\x12\x17\n\x13JOB_STATE_SUCCEEDED\x10\x03\x12\x14\n\x10JOB_STATE_FAILED\x10\x04\x12\x17\n\x13JOB_STATE_CANCELLED\x10\x05*t\n\x0fProblemFileKind\x12!\n\x1dPROBLEM_FILE_KIND_UNSPECIFIED\x10\x00\x12\x1c\n\x18PROBLEM_FILE_KIND_BUNDLE\x10\x01\x12 \n\x1cPROBLEM_FILE_KIND_POSE_GRAPH\x10\x02*\x93\x01\n\nLengthUnit\x12\x1b\n\x17LENGTH_UNIT_UNSPECIFIED\x10\x00\x12\x15\n\x11LENGTH_UNIT_DEPTH\x10\x01\x12\x1e\n\x1aLENGTH_UNIT_RELATIVE_POSES\x10\x02\x12\x15\n\x11LENGTH_UNIT_GIVEN\x10\x03\x12\x1a\n\x16LENGTH_UNIT_CONVENTION\x10\x04\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'covis.v1.job_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_JOBSTATE']._serialized_start=3720
-  _globals['_JOBSTATE']._serialized_end=3875
-  _globals['_PROBLEMFILEKIND']._serialized_start=3877
-  _globals['_PROBLEMFILEKIND']._serialized_end=3993
-  _globals['_LENGTHUNIT']._serialized_start=3996
-  _globals['_LENGTHUNIT']._serialized_end=4143
+  _globals['_JOBSTATE']._serialized_start=3847
+  _globals['_JOBSTATE']._serialized_end=4002
+  _globals['_PROBLEMFILEKIND']._serialized_start=4004
+  _globals['_PROBLEMFILEKIND']._serialized_end=4120
+  _globals['_LENGTHUNIT']._serialized_start=4123
+  _globals['_LENGTHUNIT']._serialized_end=4270
   _globals['_JOB']._serialized_start=180
-  _globals['_JOB']._serialized_end=761
-  _globals['_JOBFILE']._serialized_start=763
-  _globals['_JOBFILE']._serialized_end=806
-  _globals['_JOBSPEC']._serialized_start=809
-  _globals['_JOBSPEC']._serialized_end=1242
-  _globals['_SOLVEFILESSPEC']._serialized_start=1244
-  _globals['_SOLVEFILESSPEC']._serialized_end=1344
-  _globals['_RECONSTRUCTSPEC']._serialized_start=1346
-  _globals['_RECONSTRUCTSPEC']._serialized_end=1422
-  _globals['_REBUILDMAPSPEC']._serialized_start=1424
-  _globals['_REBUILDMAPSPEC']._serialized_end=1523
-  _globals['_COMPACTMAPSPEC']._serialized_start=1525
-  _globals['_COMPACTMAPSPEC']._serialized_end=1633
-  _globals['_EVALUATETRAJECTORYSPEC']._serialized_start=1636
-  _globals['_EVALUATETRAJECTORYSPEC']._serialized_end=1821
-  _globals['_JOBPROGRESS']._serialized_start=1824
-  _globals['_JOBPROGRESS']._serialized_end=2020
-  _globals['_JOBFAILURE']._serialized_start=2022
-  _globals['_JOBFAILURE']._serialized_end=2081
-  _globals['_JOBRESULT']._serialized_start=2084
-  _globals['_JOBRESULT']._serialized_end=2530
-  _globals['_EXPORTMAPRESULT']._serialized_start=2532
-  _globals['_EXPORTMAPRESULT']._serialized_end=2567
-  _globals['_SOLVEFILESRESULT']._serialized_start=2569
-  _globals['_SOLVEFILESRESULT']._serialized_end=2630
-  _globals['_SOLVEDPROBLEM']._serialized_start=2632
-  _globals['_SOLVEDPROBLEM']._serialized_end=2752
-  _globals['_RECONSTRUCTRESULT']._serialized_start=2755
-  _globals['_RECONSTRUCTRESULT']._serialized_end=2926
-  _globals['_RECONSTRUCTION']._serialized_start=2929
-  _globals['_RECONSTRUCTION']._serialized_end=3295
-  _globals['_UNPLACEDKEYFRAME']._serialized_start=3297
-  _globals['_UNPLACEDKEYFRAME']._serialized_end=3362
-  _globals['_REBUILDMAPRESULT']._serialized_start=3364
-  _globals['_REBUILDMAPRESULT']._serialized_end=3410
-  _globals['_COMPACTMAPRESULT']._serialized_start=3413
-  _globals['_COMPACTMAPRESULT']._serialized_end=3550
-  _globals['_EVALUATETRAJECTORYRESULT']._serialized_start=3553
-  _globals['_EVALUATETRAJECTORYRESULT']._serialized_end=3717
+  _globals['_JOB']._serialized_end=811
+  _globals['_SHORTENEDLIST']._serialized_start=813
+  _globals['_SHORTENEDLIST']._serialized_end=888
+  _globals['_JOBFILE']._serialized_start=890
+  _globals['_JOBFILE']._serialized_end=933
+  _globals['_JOBSPEC']._serialized_start=936
+  _globals['_JOBSPEC']._serialized_end=1369
+  _globals['_SOLVEFILESSPEC']._serialized_start=1371
+  _globals['_SOLVEFILESSPEC']._serialized_end=1471
+  _globals['_RECONSTRUCTSPEC']._serialized_start=1473
+  _globals['_RECONSTRUCTSPEC']._serialized_end=1549
+  _globals['_REBUILDMAPSPEC']._serialized_start=1551
+  _globals['_REBUILDMAPSPEC']._serialized_end=1650
+  _globals['_COMPACTMAPSPEC']._serialized_start=1652
+  _globals['_COMPACTMAPSPEC']._serialized_end=1760
+  _globals['_EVALUATETRAJECTORYSPEC']._serialized_start=1763
+  _globals['_EVALUATETRAJECTORYSPEC']._serialized_end=1948
+  _globals['_JOBPROGRESS']._serialized_start=1951
+  _globals['_JOBPROGRESS']._serialized_end=2147
+  _globals['_JOBFAILURE']._serialized_start=2149
+  _globals['_JOBFAILURE']._serialized_end=2208
+  _globals['_JOBRESULT']._serialized_start=2211
+  _globals['_JOBRESULT']._serialized_end=2657
+  _globals['_EXPORTMAPRESULT']._serialized_start=2659
+  _globals['_EXPORTMAPRESULT']._serialized_end=2694
+  _globals['_SOLVEFILESRESULT']._serialized_start=2696
+  _globals['_SOLVEFILESRESULT']._serialized_end=2757
+  _globals['_SOLVEDPROBLEM']._serialized_start=2759
+  _globals['_SOLVEDPROBLEM']._serialized_end=2879
+  _globals['_RECONSTRUCTRESULT']._serialized_start=2882
+  _globals['_RECONSTRUCTRESULT']._serialized_end=3053
+  _globals['_RECONSTRUCTION']._serialized_start=3056
+  _globals['_RECONSTRUCTION']._serialized_end=3422
+  _globals['_UNPLACEDKEYFRAME']._serialized_start=3424
+  _globals['_UNPLACEDKEYFRAME']._serialized_end=3489
+  _globals['_REBUILDMAPRESULT']._serialized_start=3491
+  _globals['_REBUILDMAPRESULT']._serialized_end=3537
+  _globals['_COMPACTMAPRESULT']._serialized_start=3540
+  _globals['_COMPACTMAPRESULT']._serialized_end=3677
+  _globals['_EVALUATETRAJECTORYRESULT']._serialized_start=3680
+  _globals['_EVALUATETRAJECTORYRESULT']._serialized_end=3844
 # @@protoc_insertion_point(module_scope)

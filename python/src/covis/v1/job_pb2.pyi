@@ -52,7 +52,7 @@ LENGTH_UNIT_GIVEN: LengthUnit
 LENGTH_UNIT_CONVENTION: LengthUnit
 
 class Job(_message.Message):
-    __slots__ = ("job_id", "spec", "state", "progress", "failure", "result", "create_time", "start_time", "end_time", "expire_time", "cancel_requested", "priority", "files", "attempt_count", "cost_before", "cost_after")
+    __slots__ = ("job_id", "spec", "state", "progress", "failure", "result", "create_time", "start_time", "end_time", "expire_time", "cancel_requested", "priority", "files", "attempt_count", "cost_before", "cost_after", "shortened_lists")
     JOB_ID_FIELD_NUMBER: _ClassVar[int]
     SPEC_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
@@ -69,6 +69,7 @@ class Job(_message.Message):
     ATTEMPT_COUNT_FIELD_NUMBER: _ClassVar[int]
     COST_BEFORE_FIELD_NUMBER: _ClassVar[int]
     COST_AFTER_FIELD_NUMBER: _ClassVar[int]
+    SHORTENED_LISTS_FIELD_NUMBER: _ClassVar[int]
     job_id: str
     spec: JobSpec
     state: JobState
@@ -85,7 +86,18 @@ class Job(_message.Message):
     attempt_count: int
     cost_before: float
     cost_after: float
-    def __init__(self, job_id: _Optional[str] = ..., spec: _Optional[_Union[JobSpec, _Mapping]] = ..., state: _Optional[_Union[JobState, str]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., failure: _Optional[_Union[JobFailure, _Mapping]] = ..., result: _Optional[_Union[JobResult, _Mapping]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., expire_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ..., priority: _Optional[int] = ..., files: _Optional[_Iterable[_Union[JobFile, _Mapping]]] = ..., attempt_count: _Optional[int] = ..., cost_before: _Optional[float] = ..., cost_after: _Optional[float] = ...) -> None: ...
+    shortened_lists: _containers.RepeatedCompositeFieldContainer[ShortenedList]
+    def __init__(self, job_id: _Optional[str] = ..., spec: _Optional[_Union[JobSpec, _Mapping]] = ..., state: _Optional[_Union[JobState, str]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., failure: _Optional[_Union[JobFailure, _Mapping]] = ..., result: _Optional[_Union[JobResult, _Mapping]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., expire_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ..., priority: _Optional[int] = ..., files: _Optional[_Iterable[_Union[JobFile, _Mapping]]] = ..., attempt_count: _Optional[int] = ..., cost_before: _Optional[float] = ..., cost_after: _Optional[float] = ..., shortened_lists: _Optional[_Iterable[_Union[ShortenedList, _Mapping]]] = ...) -> None: ...
+
+class ShortenedList(_message.Message):
+    __slots__ = ("field_path", "entry_count", "file_path")
+    FIELD_PATH_FIELD_NUMBER: _ClassVar[int]
+    ENTRY_COUNT_FIELD_NUMBER: _ClassVar[int]
+    FILE_PATH_FIELD_NUMBER: _ClassVar[int]
+    field_path: str
+    entry_count: int
+    file_path: str
+    def __init__(self, field_path: _Optional[str] = ..., entry_count: _Optional[int] = ..., file_path: _Optional[str] = ...) -> None: ...
 
 class JobFile(_message.Message):
     __slots__ = ("path", "size_bytes")

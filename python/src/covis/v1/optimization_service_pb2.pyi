@@ -196,7 +196,7 @@ class OptimizeMapResponse(_message.Message):
     def __init__(self, iteration: _Optional[_Union[_optimization_pb2.IterationSummary, _Mapping]] = ..., result: _Optional[_Union[OptimizeMapResult, _Mapping]] = ...) -> None: ...
 
 class OptimizeMapResult(_message.Message):
-    __slots__ = ("summary", "revision", "camera_count", "keyframe_count", "landmark_count", "observation_count", "constraint_count", "switched_off_constraints", "chordal_certificate")
+    __slots__ = ("summary", "revision", "camera_count", "keyframe_count", "landmark_count", "observation_count", "constraint_count", "switched_off_constraints", "chordal_certificate", "switched_off_constraint_count")
     SUMMARY_FIELD_NUMBER: _ClassVar[int]
     REVISION_FIELD_NUMBER: _ClassVar[int]
     CAMERA_COUNT_FIELD_NUMBER: _ClassVar[int]
@@ -206,6 +206,7 @@ class OptimizeMapResult(_message.Message):
     CONSTRAINT_COUNT_FIELD_NUMBER: _ClassVar[int]
     SWITCHED_OFF_CONSTRAINTS_FIELD_NUMBER: _ClassVar[int]
     CHORDAL_CERTIFICATE_FIELD_NUMBER: _ClassVar[int]
+    SWITCHED_OFF_CONSTRAINT_COUNT_FIELD_NUMBER: _ClassVar[int]
     summary: _optimization_pb2.SolveSummary
     revision: int
     camera_count: int
@@ -215,7 +216,8 @@ class OptimizeMapResult(_message.Message):
     constraint_count: int
     switched_off_constraints: _containers.RepeatedCompositeFieldContainer[_constraint_pb2.SwitchedOffConstraint]
     chordal_certificate: _optimization_pb2.ChordalCertificate
-    def __init__(self, summary: _Optional[_Union[_optimization_pb2.SolveSummary, _Mapping]] = ..., revision: _Optional[int] = ..., camera_count: _Optional[int] = ..., keyframe_count: _Optional[int] = ..., landmark_count: _Optional[int] = ..., observation_count: _Optional[int] = ..., constraint_count: _Optional[int] = ..., switched_off_constraints: _Optional[_Iterable[_Union[_constraint_pb2.SwitchedOffConstraint, _Mapping]]] = ..., chordal_certificate: _Optional[_Union[_optimization_pb2.ChordalCertificate, _Mapping]] = ...) -> None: ...
+    switched_off_constraint_count: int
+    def __init__(self, summary: _Optional[_Union[_optimization_pb2.SolveSummary, _Mapping]] = ..., revision: _Optional[int] = ..., camera_count: _Optional[int] = ..., keyframe_count: _Optional[int] = ..., landmark_count: _Optional[int] = ..., observation_count: _Optional[int] = ..., constraint_count: _Optional[int] = ..., switched_off_constraints: _Optional[_Iterable[_Union[_constraint_pb2.SwitchedOffConstraint, _Mapping]]] = ..., chordal_certificate: _Optional[_Union[_optimization_pb2.ChordalCertificate, _Mapping]] = ..., switched_off_constraint_count: _Optional[int] = ...) -> None: ...
 
 class SolveBundleRequest(_message.Message):
     __slots__ = ("problem", "options", "loss", "refine_intrinsics", "gauge", "include_iterations")

@@ -16,7 +16,8 @@ pub enum Resource {
     Streams,
     /// Watchers of maps; each is a stream as well.
     Watchers,
-    /// Exports that are being read; each holds a snapshot of its map.
+    /// Exports that are being read, each of which holds a snapshot of its map, and downloads of files of
+    /// jobs.
     Exports,
     /// Calls whose solves wait in the queue.
     WaitingSolves,
@@ -26,16 +27,18 @@ pub enum Resource {
     JournalBytes,
     /// Jobs that wait or run.
     PendingJobs,
-    /// Bytes of the files of jobs: what was uploaded for them, and what they made. A job without files
-    /// counts 4 KiB.
+    /// Bytes of the files of jobs: what was uploaded for them, and what they made. Each file and each
+    /// upload counts 8 KiB more, and each job 4 KiB and its record.
     JobBytes,
+    /// Uploads that no job has taken, those that are being sent too.
+    Uploads,
     /// Solves that run at once, small and large ones counted separately. The pool counts them.
     Solves,
 }
 
 impl Resource {
     /// All resources.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Maps,
         Self::Streams,
         Self::Watchers,
@@ -45,6 +48,7 @@ impl Resource {
         Self::JournalBytes,
         Self::PendingJobs,
         Self::JobBytes,
+        Self::Uploads,
         Self::Solves,
     ];
 
@@ -60,6 +64,7 @@ impl Resource {
             Self::JournalBytes => ("journal_bytes", "tenant_max_journal_bytes"),
             Self::PendingJobs => ("pending_jobs", "tenant_max_pending_job_count"),
             Self::JobBytes => ("job_bytes", "tenant_max_job_bytes"),
+            Self::Uploads => ("uploads", "tenant_max_upload_count"),
             Self::Solves => ("solves", "tenant_max_solve_count"),
         }
     }

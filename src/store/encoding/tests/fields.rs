@@ -63,18 +63,15 @@ impl Messages {
                     let length = varint(&mut rest) as usize;
                     let (inner, behind) = rest.split_at(length);
                     let start = begin(rest);
-                    match field.r#type() {
-                        Type::Message => {
-                            let kind = field.type_name().rsplit('.').next().unwrap();
-                            self.numbers(kind, &path, inner, start, out);
-                        }
+                    let of = field.r#type();
+                    if of == Type::Message {
+                        let kind = field.type_name().rsplit('.').next().unwrap();
+                        self.numbers(kind, &path, inner, start, out);
+                    } else if matches!(of, Type::Double | Type::Fixed64) {
                         // A list of numbers in one piece.
-                        Type::Double | Type::Fixed64 => {
-                            assert_eq!(field.label(), Label::Repeated);
-                            let each = (0..length / 8).map(|k| start + 8 * k);
-                            out.extend(each.map(|at| Number { path: path.clone(), at }));
-                        }
-                        _ => {}
+                        assert_eq!(field.label(), Label::Repeated);
+                        let each = (0..length / 8).map(|k| start + 8 * k);
+                        out.extend(each.map(|at| Number { path: path.clone(), at }));
                     }
                     rest = behind;
                 }

@@ -22,7 +22,7 @@ use async_nats::jetstream::kv;
 use async_nats::jetstream::object_store::{self, ObjectMetadata, ObjectStore};
 use async_nats::jetstream::stream::{self, DiscardPolicy, RetentionPolicy, StorageType, Stream};
 use serde::{Deserialize, Serialize};
-use tokio::io::AsyncReadExt;
+use tokio::io::{AsyncRead, AsyncReadExt};
 
 use super::bucket::latest;
 use super::connect::{bucket, nats};
@@ -153,8 +153,17 @@ impl Tasks {
     }
 
     async fn put_object(&self, name: String, bytes: &[u8]) -> Result<(), TaskError> {
+        self.put_stream(name, &mut &bytes[..]).await
+    }
+
+    /// Puts an object that is read in pieces.
+    async fn put_stream(
+        &self,
+        name: String,
+        mut content: &mut (dyn AsyncRead + Send + Unpin),
+    ) -> Result<(), TaskError> {
         let meta = ObjectMetadata { name, chunk_size: Some(CHUNK), ..Default::default() };
-        let put = self.objects.put(meta, &mut &bytes[..]).await;
+        let put = self.objects.put(meta, &mut content).await;
         put.map(drop).map_err(|error| failed("a file of a task", &error))
     }
 

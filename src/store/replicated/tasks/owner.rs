@@ -9,6 +9,7 @@ use async_nats::jetstream::kv;
 use async_nats::jetstream::message::PublishMessage;
 use async_trait::async_trait;
 use covis_solvers::bundle_adjustment::Checkpoint;
+use tokio::io::AsyncRead;
 
 use super::{Entry, Tasks, checkpoint_of, failed, input_of, subject_of};
 use crate::store::{TaskError, TaskQueue, TaskState};
@@ -33,8 +34,13 @@ impl TaskQueue for Tasks {
         }))
     }
 
-    async fn put_input(&self, task: &str, index: usize, bytes: Vec<u8>) -> Result<(), TaskError> {
-        self.put_object(input_of(task, index), &bytes).await
+    async fn put_input(
+        &self,
+        task: &str,
+        index: usize,
+        content: &mut (dyn AsyncRead + Send + Unpin),
+    ) -> Result<(), TaskError> {
+        self.put_stream(input_of(task, index), content).await
     }
 
     async fn submit(&self, task: &str, description: Vec<u8>) -> Result<(), TaskError> {
