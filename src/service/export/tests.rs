@@ -4,6 +4,7 @@ use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::io::colmap::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
 use covis_solvers::io::ply::PlyFile;
+use covis_solvers::io::trajectory::seconds_of_nanoseconds;
 use covis_solvers::problem::PoseGraph;
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
 
@@ -163,15 +164,26 @@ fn whole_colmap(map: &Map) -> ColmapModel {
         let position = map.landmarks().get(id).unwrap().position.unwrap();
         model.points.insert(number, ColmapPoint::new(&position, LANDMARK_COLOR));
     }
+    let mut errors = vec![0.0; points.len()];
     for (image, (&id, keyframe)) in (1..).zip(map.keyframes().iter()) {
         let name = format!("{}/{}", client_name(map, id), id.id);
         let camera = cameras.binary_search(&keyframe.camera.unwrap()).unwrap() as u32 + 1;
         model.images.insert(image, ColmapImage::new(name, camera, &keyframe.world_from_camera));
+        let projection = map.cameras().get(&keyframe.camera.unwrap()).unwrap().camera;
         for observation in keyframe.observations.iter() {
             if let Ok(point) = points.binary_search(&observation.landmark) {
-                model.push_observation(image, &observation.pixel, point as u64 + 1).unwrap();
+                let number = point as u64 + 1;
+                model.push_observation(image, &observation.pixel, number).unwrap();
+                let position = map.landmarks().get(&points[point]).unwrap().position.unwrap();
+                let in_camera = keyframe.world_from_camera.inverse_transform(&position);
+                let pixel = projection.project(&in_camera);
+                errors[point] += pixel.map_or(f64::NAN, |p| (p - observation.pixel).norm());
             }
         }
+    }
+    for (point, sum) in model.points.values_mut().zip(errors) {
+        let mean = sum / point.track.len() as f64;
+        point.error = if mean.is_finite() { mean } else { -1.0 };
     }
     model
 }
