@@ -20,6 +20,7 @@ use tonic::codegen::{Service, StdError};
 use tonic::server::NamedService;
 use tonic::service::Routes;
 
+use super::error::ServiceError;
 use super::page::{Answering, text};
 use super::same_site::{Hosts, SameSite};
 
@@ -38,8 +39,9 @@ impl<S> GrpcOnly<S> {
 /// Answers what no service takes, behind the same check.
 pub(super) fn with_fallback(mut routes: Routes) -> Routes {
     let router = routes.axum_router_mut();
-    let unknown = |_: &Request<Body>| Status::unimplemented("").into_http();
-    *router = std::mem::take(router).fallback_service(GrpcOnly::new(Answering(unknown)));
+    let unserved =
+        |_: &Request<Body>| Status::from(ServiceError::Unserved { what: "this call" }).into_http();
+    *router = std::mem::take(router).fallback_service(GrpcOnly::new(Answering(unserved)));
     routes
 }
 
