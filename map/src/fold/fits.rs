@@ -209,6 +209,9 @@ impl Fit<'_> {
         let content = &*merge.content;
         let is_placed = is_similarity(&merge.target_from_source);
         self.finite(is_placed, EntityKind::Client, EntityId::MIN)?;
+        if let Some((id, pose)) = &merge.first {
+            self.pose(*id, pose)?;
+        }
         let client = |index| EntityId { client: index, id: 0 };
         let mut next = self.map.clients().len();
         let mut taken = BTreeSet::new();

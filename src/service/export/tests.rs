@@ -4,7 +4,6 @@ use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::io::colmap::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
 use covis_solvers::io::ply::PlyFile;
-use covis_solvers::io::trajectory::seconds_of_nanoseconds;
 use covis_solvers::problem::PoseGraph;
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
 
