@@ -27,7 +27,7 @@ pub struct Options {
     /// At most so many steps, rejected ones included (100).
     pub max_iterations: usize,
     /// Converged once an accepted step lowers the cost by less than this share of it, and neither the
-    /// model nor the gradient says that there is more to gain (1e-9).
+    /// gradient nor the model, without heavy damping, says that there is more to gain (1e-9).
     pub cost_tolerance: f64,
     /// Converged once no entry of the gradient is larger, scaled by the root of its diagonal (1e-10).
     pub gradient_tolerance: f64,

@@ -41,6 +41,13 @@ const LINEAR_RESIDUAL_LIMIT: f64 = 1e-3;
 /// A short damped step proves a minimum only where no more than this share of the cost is left to gain.
 const COST_RESOLUTION: f64 = 1e-12;
 
+/// Damping of a first step that counts as next to none.
+const NEARLY_UNDAMPED: f64 = 1e-8;
+
+/// Where the model with next to no damping falls by more than this share of the cost although damped
+/// steps lower it by next to nothing, the damping begins anew.
+const RESTART: f64 = 1e-6;
+
 /// With losses, a step of better quality than this is too short: the parabola through the costs before
 /// and after it is lower at twice the step.
 const SHORT_STEP: f64 = 4.0 / 3.0;
@@ -127,7 +134,15 @@ pub fn minimize(
     };
     let state = from.cloned().unwrap_or(state);
     let seconds_before = state.seconds();
-    let mut run = Run { options, start, interrupt, seconds_before, gradient_max_norm: 0.0, state };
+    let mut run = Run {
+        options,
+        start,
+        interrupt,
+        seconds_before,
+        gradient_max_norm: 0.0,
+        light_decrease: None,
+        state,
+    };
     let termination = match from {
         None => run.begin(system, observer),
         Some(_) => run.resume(system, observer),
@@ -157,6 +172,11 @@ fn lengthen(system: &mut dyn System, cost: f64) -> f64 {
     best
 }
 
+/// Whether the linear system was solved as exactly as it was meant to be.
+fn is_trusted(step: &Step) -> bool {
+    step.is_inexact || step.linear_residual <= LINEAR_RESIDUAL_LIMIT
+}
+
 struct Run<'a> {
     options: &'a Options,
     start: Instant,
@@ -164,6 +184,8 @@ struct Run<'a> {
     /// Of the loop that this one goes on from.
     seconds_before: f64,
     gradient_max_norm: f64,
+    /// See [`Run::light_decrease`]; of the last linearization, once it was asked for.
+    light_decrease: Option<f64>,
     state: LoopState,
 }
 
@@ -212,9 +234,7 @@ impl Run<'_> {
             if let Some(end) = self.interrupted() {
                 return end;
             }
-            let is_good =
-                |step: &Step| step.is_inexact || step.linear_residual <= LINEAR_RESIDUAL_LIMIT;
-            let Some(step) = solved.ok().filter(is_good) else {
+            let Some(step) = solved.ok().filter(is_trusted) else {
                 if let Some(end) = self.reject(iteration, None, observer) {
                     return end;
                 }
@@ -224,7 +244,8 @@ impl Run<'_> {
             // Under heavy damping every step is short: then it proves a minimum only where the gradient
             // agrees. A light one that is short has reached what rounding leaves of the state.
             let short = step.norm <= self.options.step_tolerance * step.state_norm;
-            let light = self.state.damping <= self.options.initial_damping;
+            let damping = self.state.damping;
+            let light = damping <= self.options.initial_damping;
             let mut trial = system.apply();
             // That of the step before it is lengthened.
             let quality = (self.state.cost - trial) / step.predicted_decrease;
@@ -257,10 +278,11 @@ impl Run<'_> {
                 }
                 // A small decrease proves a minimum only where the model agrees with the cost.
                 let gain = step.predicted_decrease;
-                if small && gain <= 4.0 * tolerance * self.state.cost && self.is_flat(tolerance) {
+                let is_small = small && gain <= 4.0 * tolerance * self.state.cost;
+                if is_small && self.is_flat(system, tolerance, damping) {
                     return Termination::Converged(Tolerance::Cost);
                 }
-                if short && (light || self.is_flat(COST_RESOLUTION)) {
+                if short && (light || self.is_flat(system, COST_RESOLUTION, damping)) {
                     return Termination::Converged(Tolerance::Step);
                 }
                 if let Some(row) = self.state.rows.last() {
@@ -269,10 +291,10 @@ impl Run<'_> {
             } else {
                 system.restore();
                 let spent = step.predicted_decrease <= 1e-3 * tolerance * self.state.cost;
-                let met = if short && (light || self.is_flat(COST_RESOLUTION)) {
+                let met = if short && (light || self.is_flat(system, COST_RESOLUTION, damping)) {
                     Some(Tolerance::Step)
                 } else {
-                    (spent && self.is_flat(tolerance)).then_some(Tolerance::Cost)
+                    (spent && self.is_flat(system, tolerance, damping)).then_some(Tolerance::Cost)
                 };
                 if let Some(met) = met {
                     // The model sees nothing left to gain that the cost could resolve.
@@ -317,6 +339,7 @@ impl Run<'_> {
     /// Linearizes; without an interruption the gradient is then that of the state.
     fn linearize(&mut self, system: &mut dyn System) -> Option<Termination> {
         let gradient = system.linearize(self.state.damping);
+        self.light_decrease = None;
         let end = self.interrupted();
         if end.is_none() {
             self.gradient_max_norm = gradient.max_norm;
@@ -329,13 +352,54 @@ impl Run<'_> {
         self.interrupt.reason().map(Termination::from)
     }
 
-    /// Whether the gradient allows that no more than `share` of the cost is left to gain.
+    /// Whether no more than `share` of the cost is left to gain at the last linearization.
     ///
     /// Where the undamped model falls by Δ, gᵀH⁻¹g = 2Δ and so g_i² ≤ 2Δ H_ii for every i. A larger
-    /// gradient tells a step that is short for its damping from one that is at a minimum.
-    fn is_flat(&self, share: f64) -> bool {
+    /// gradient tells a step that is short for its damping from one that is at a minimum. A small one
+    /// does not prove the minimum: along a soft direction, where H⁻¹ is far above 1 / H_ii, it leaves
+    /// much to gain. Where damping may hide such a direction, the model with next to none decides, which
+    /// takes one more factorization. If it sees very much, the damping begins anew.
+    fn is_flat(&mut self, system: &mut dyn System, share: f64, damping: f64) -> bool {
         // Up to four times the share is granted to the model, as above.
-        self.gradient_max_norm.powi(2) <= 8.0 * share * self.state.cost
+        if self.gradient_max_norm.powi(2) > 8.0 * share * self.state.cost {
+            return false;
+        }
+        if !self.may_hide(damping) {
+            return true;
+        }
+        let decrease = self.light_decrease(system);
+        if decrease > RESTART * self.state.cost && decrease.is_finite() {
+            self.state.damping = self.options.initial_damping;
+            self.state.damping_growth = 2.0;
+        }
+        decrease <= 4.0 * share * self.state.cost
+    }
+
+    /// Whether a step of this damping may hide a soft direction.
+    ///
+    /// Heavier damping than that of the first step does. Where that one is next to nothing, as in pose
+    /// graphs, lighter damping may hide one too once a step was rejected. Elsewhere it counts as light:
+    /// a landmark on its way to infinity has no minimum without damping.
+    fn may_hide(&self, damping: f64) -> bool {
+        let is_heavy = damping > self.options.initial_damping;
+        let had_rejections = || self.state.rows.iter().any(|row| !row.accepted);
+        is_heavy || (self.options.initial_damping <= NEARLY_UNDAMPED && had_rejections())
+    }
+
+    /// By how much the model with next to no damping falls; infinite where that step cannot be computed.
+    fn light_decrease(&mut self, system: &mut dyn System) -> f64 {
+        if let Some(decrease) = self.light_decrease {
+            return decrease;
+        }
+        let first = self.options.initial_damping;
+        let lightest = if first <= NEARLY_UNDAMPED { DAMPING_RANGE.0 } else { first };
+        let mut solve = |damping: f64| system.solve(damping).ok().filter(is_trusted);
+        let step = solve(lightest).or_else(|| solve(first));
+        // Once the interrupt is due the numbers mean nothing.
+        let step = step.filter(|_| self.interrupted().is_none());
+        let decrease = step.map_or(f64::INFINITY, |step| step.predicted_decrease);
+        self.light_decrease = Some(decrease);
+        decrease
     }
 
     /// Changes the damping after an accepted step: down to a third where the model predicted the cost

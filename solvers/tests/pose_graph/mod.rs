@@ -6,6 +6,7 @@ pub(crate) mod graphs;
 
 mod bad_input;
 mod chordal;
+mod convergence;
 mod files;
 mod gauge_and_errors;
 mod gnss;
