@@ -215,3 +215,36 @@ fn more_false_closures_do_not_change_the_verdicts_on_those_of_a_recording() {
     let changed = changed.symmetric_difference(&before).count();
     assert!(100 * changed <= closures.len(), "{changed} of {} changed", closures.len());
 }
+
+/// Σ χ² of the odometry and of what the kernel makes of the closures, halved.
+fn objective(graph: &PoseGraph<Se2, 3>, kernel: Kernel, threshold: f64) -> f64 {
+    let of = |edge: &RelativePose<Se2, 3>| {
+        let chi2 = edge.chi2(&graph.poses[edge.i], &graph.poses[edge.j]);
+        match kernel {
+            _ if edge.i.abs_diff(edge.j) == 1 => chi2,
+            Kernel::TruncatedLeastSquares => chi2.min(threshold),
+            Kernel::GemanMcClure => chi2 * threshold / (chi2 + threshold),
+        }
+    };
+    0.5 * graph.edges.iter().map(of).sum::<f64>()
+}
+
+#[test]
+fn true_closures_stay_although_the_odometry_has_drifted_far_from_them() {
+    let Some(path) = data("pose_graph/MIT.g2o") else { return };
+    let G2oGraph::Se2(file) = G2oGraph::read(&path).unwrap() else {
+        panic!("not a graph in the plane")
+    };
+    // The plain optimum, at which every closure fits, has 20.60347.
+    for (kernel, best) in [(Kernel::TruncatedLeastSquares, 20.6035), (Kernel::GemanMcClure, 20.445)]
+    {
+        let mut graph = file.to_pose_graph().unwrap();
+        let summary = solve(&mut graph, true, &Judging::new(kernel)).unwrap();
+        assert!(summary.solve.termination.is_converged());
+        assert_eq!(summary.start, Start::Chordal);
+        let off = summary.closures.iter().filter(|verdict| verdict.is_switched_off).count();
+        assert_eq!((off, summary.closures.len()), (0, 20), "{kernel:?}");
+        let cost = objective(&graph, kernel, summary.threshold);
+        assert!(cost < best, "{kernel:?}: {cost}");
+    }
+}

@@ -47,6 +47,15 @@ impl Kernel {
         self == Self::TruncatedLeastSquares
     }
 
+    /// The kernel at χ² = `chi2`.
+    pub(super) fn cost(self, chi2: f64, threshold: f64) -> f64 {
+        match self {
+            Self::TruncatedLeastSquares => chi2.min(threshold),
+            // At infinity it is the threshold.
+            Self::GemanMcClure => threshold / (1.0 + threshold / chi2),
+        }
+    }
+
     /// The weight by the kernel itself.
     pub(super) fn final_weight(self, chi2: f64, threshold: f64) -> f64 {
         match self {

@@ -39,7 +39,7 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
     }
 
     /// Computes the weights of the supported closures, from a convex cost to the kernel.
-    fn graduate(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
+    pub(super) fn graduate(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
         let active: Vec<usize> =
             (0..self.weights.len()).filter(|&k| self.weights[k] > 0.0).collect();
         let options = pose_graph::Options {
@@ -76,7 +76,7 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
 
     /// Judges every closure at the poses and solves, until no verdict changes; the weights are then
     /// those of the last verdicts.
-    fn judge_closures(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
+    pub(super) fn judge_closures(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
         let options = self.options;
         let mut before: Vec<Vec<bool>> = Vec::new();
         for _ in 0..MAX_JUDGMENTS {
@@ -107,25 +107,25 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
         if !trust_odometry || self.is_stopped || weights == self.weights {
             return Ok(());
         }
-        let cost = self.truncated_cost();
+        let cost = self.objective();
         let poses = std::mem::replace(&mut self.graph.poses, begin);
         let kept = std::mem::replace(&mut self.weights, weights);
         let options = self.options;
         self.solve(&options, observer)?;
         self.judge_closures(observer)?;
-        if self.is_stopped || self.truncated_cost() >= cost {
+        if self.is_stopped || self.objective() >= cost {
             (self.graph.poses, self.weights) = (poses, kept);
         }
         Ok(())
     }
 
-    /// Σ χ² of the trusted edges and priors and Σ min(χ², threshold) of the closures at the poses.
-    fn truncated_cost(&self) -> f64 {
+    /// Σ χ² of the trusted edges and priors and the kernel's cost of the closures at the poses.
+    pub(super) fn objective(&self) -> f64 {
         let mut closures = self.closures.iter().copied().peekable();
         let cost = |edge: usize| {
             let is_closure = closures.next_if_eq(&edge).is_some();
             let chi2 = self.chi2_of(edge);
-            if is_closure { chi2.min(self.threshold) } else { chi2 }
+            if is_closure { self.kernel.cost(chi2, self.threshold) } else { chi2 }
         };
         let edges: f64 = (0..self.graph.edges.len()).map(cost).sum();
         let poses = &self.graph.poses;

@@ -4,11 +4,13 @@
 //! be false. There are three stages: `screening` finds closures that agree with a neighbor over a short
 //! loop of odometry (after Mangelson et al. 2018); graduated non-convexity weighs those (`graduated`,
 //! after Yang et al. 2020); then every closure, supported or not, is judged by its χ² at the solution,
-//! and the graph is solved again with those that pass, until none changes. This file holds the stages;
-//! `variance` finds how far the stated information may be believed. All of it is a function of what was
-//! measured. It solves through [`crate::pose_graph`] and must not weight odometry.
+//! and the graph is solved again with those that pass, until none changes. Where closures are switched
+//! off, `candidates` begins again with more of them and keeps the better result. This file holds what
+//! they share; `variance` finds how far the stated information may be believed. All of it is a function
+//! of what was measured. It solves through [`crate::pose_graph`] and must not weight odometry.
 
 mod bending;
+mod candidates;
 mod chain;
 mod contraction;
 mod graduated;
@@ -63,7 +65,7 @@ pub struct Judging {
     /// Whether the covariances of the odometry hold, so that it may judge closures (false). One that no
     /// neighbor supports and that the odometry does not explain then counts only if it fits the solution
     /// without it: alone it would bend the odometry, true or not. And what the odometry explains is a
-    /// second start of the judgment; of the two results that of the lower truncated cost is taken.
+    /// second start of the judgment; of the two results that of the lower objective is taken.
     pub trust_odometry: bool,
 }
 
@@ -98,7 +100,7 @@ pub struct ClosureVerdict {
 pub struct RobustSummary {
     /// The last solve; its costs are those of the edges at their weights.
     pub solve: SolveSummary,
-    /// The start taken, never [`Start::Auto`].
+    /// The start that the result came from, never [`Start::Auto`].
     pub start: Start,
     /// Every loop closure, in edge order.
     pub closures: Vec<ClosureVerdict>,
@@ -110,7 +112,8 @@ pub struct RobustSummary {
 
 /// Optimizes `graph` in place over odometry and the closures that are found true.
 ///
-/// [`Start::Auto`] makes a start from odometry and supported closures only; `has_poses` is whether the
+/// `start` is that of the first of several results, of which that of the lowest objective is taken;
+/// [`Start::Auto`] makes one from odometry and supported closures only; `has_poses` is whether the
 /// graph came with poses. `options` are those of each solve within; the deadline is that of all
 /// together. The graph's own loss holds for every edge on top. Gauge and determinism are those of
 /// [`pose_graph::solve`]; `observer` sees the rows of every solve. It ends once `interrupt` is due,
@@ -139,17 +142,7 @@ pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph.hold_gauge();
     with_threads(options.optimizer.threads, || {
         let mut weighted = Weighted::new(graph, judging, (options, threshold), (begin, &interrupt));
-        let start = weighted.start(start, has_poses)?;
-        let judge = |weighted: &mut Weighted<'_, G, N>| {
-            weighted.judge(judging.trust_odometry, &mut *observer)
-        };
-        let is_near = weighted.contracted(judge)?;
-        let mut last = *options;
-        if is_near {
-            last.optimizer.initial_damping = last.optimizer.initial_damping.min(NEAR_DAMPING);
-        }
-        let last = weighted.solve(&last, observer)?;
-        Ok(weighted.summary(last, start))
+        weighted.best((start, has_poses), judging.trust_odometry, observer)
     })?
 }
 
