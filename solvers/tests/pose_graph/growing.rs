@@ -45,7 +45,7 @@ fn batch_cost<G: RigidMotion<D, N> + ReferencePose<N>, const D: usize, const N: 
 }
 
 /// Feeds poses in id order, each with its edges to earlier ones, and calls `check` after each.
-fn feed<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+pub(crate) fn feed<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &PoseGraph<G, N>,
     mut check: impl FnMut(&GrowingPoseGraph<G, D, N>, usize),
 ) -> GrowingPoseGraph<G, D, N> {

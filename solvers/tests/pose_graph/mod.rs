@@ -11,6 +11,7 @@ mod files;
 mod gauge_and_errors;
 mod gnss;
 mod growing;
+mod growing_random;
 mod jacobians;
 mod priors;
 mod recovery;

@@ -4,9 +4,11 @@
 //! linearized and where they are: cheap beside an elimination. Nothing is eliminated here: see
 //! `linear`.
 
-use nalgebra::SVector;
+use std::f64::consts::PI;
 
-use super::{Block, GrowingPoseGraph, Motion, Term};
+use nalgebra::{SVector, Vector3};
+
+use super::{Block, EdgeError, GrowingPoseGraph, Motion, Term};
 use crate::factors::RelativePose;
 use crate::geometry::RigidMotion;
 use crate::linear::Updated;
@@ -44,7 +46,8 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         let omega = edge.information.matrix().diagonal();
         let stiffness = [omega.rows_range(..D).sum().sqrt(), omega.rows_range(D..).sum().sqrt()];
         let ends = [i, j].map(|block| block.map(|block| block as u32));
-        self.terms.push(Term { edge: number, ends, stiffness, checked_in: 0 });
+        let error = error(&edge, self.linearized(&edge));
+        self.terms.push(Term { edge: number, ends, stiffness, error, checked_in: 0 });
     }
 
     /// Where the ends of an edge are linearized.
@@ -86,7 +89,8 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             self.graph.poses[pose] = moved;
             let position = moved.translation();
             let shift = position - world_from_pose.translation();
-            self.motions[block] = Motion { position, shift, turn: turn.norm() };
+            let (turn, spin) = (turn.norm(), spin(&world_from_pose, &delta));
+            self.motions[block] = Motion { position, shift, turn, spin };
             if self.system.counts(block, &(delta - self.checked[block])) > recheck {
                 self.checked[block] = delta;
                 far.push(block);
@@ -127,18 +131,29 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     /// At most how far a term's residual is from its linear prediction, in standard deviations.
     ///
     /// With d = t_j − t_i and φ the turn of pose i, Exp(−φ) d is predicted by d̄ + (d − d̄) − φ × d̄:
-    /// off by at most ½ |φ|² |d| + |φ| |d − d̄|. Rotations in the plane are linear; in space their
-    /// second-order term is at most half the product of the turns.
+    /// off by at most ½ |φ|² |d| + |φ| |d − d̄|. The translation of the residual is V⁻¹(θ) e with the
+    /// error e of that vector and the angle θ of the residual. Its prediction leaves out the product of
+    /// both changes, at most ½ |Δθ| |Δe|, and the curvature of V⁻¹, at most ¼ |Δθ|² |e| within half a
+    /// turn. Δθ is what the poses turned against each other: a piece that turns as a whole has none.
+    /// Rotations in the plane are linear; in space their second-order term is at most half the product
+    /// of the turns.
     fn nonlinearity(&self, term: usize) -> f64 {
-        let Term { ends, stiffness, .. } = self.terms[term];
+        let Term { ends, stiffness, error, .. } = self.terms[term];
         let held = Motion::none(&self.graph.poses[0]);
         let at = |end: Option<u32>| end.map_or(&held, |block| &self.motions[block as usize]);
         let (i, j) = (at(ends[0]), at(ends[1]));
         let (between, change) = (j.position - i.position, j.shift - i.shift);
         let shift = 0.5 * i.turn * i.turn * between.norm() + i.turn * change.norm();
+        let apart = (j.spin - i.spin).norm();
+        let carried = (change - crossed(&i.spin, &(between - change))).norm() + shift;
+        let coupled = 0.5 * apart * carried + 0.25 * apart * apart * error.distance;
+        // Beyond half a turn the logarithm jumps by a whole one.
+        if error.angle + apart > PI {
+            return f64::INFINITY;
+        }
         let turn = i.turn.max(j.turn);
         let rotation = if D > 2 { 0.5 * turn * turn } else { 0.0 };
-        stiffness[0] * shift + stiffness[1] * rotation
+        stiffness[0] * (shift + coupled) + stiffness[1] * rotation
     }
 
     /// Linearizes blocks anew where their poses stand now, and those at the other ends of edges that
@@ -174,7 +189,9 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         terms.dedup();
         for term in terms {
             let edge = self.graph.edges[self.terms[term as usize].edge];
-            let made = pair_term(&edge, self.linearized(&edge), Loss::Trivial);
+            let ends = self.linearized(&edge);
+            let (made, error) = (pair_term(&edge, ends, Loss::Trivial), error(&edge, ends));
+            self.terms[term as usize].error = error;
             self.system.set_term(term as usize, made);
         }
     }
@@ -183,6 +200,35 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
 impl<const D: usize> Motion<D> {
     /// That of a block at its linearization.
     pub(super) fn none<G: RigidMotion<D, N>, const N: usize>(world_from_pose: &G) -> Self {
-        Self { position: world_from_pose.translation(), shift: SVector::zeros(), turn: 0.0 }
+        let position = world_from_pose.translation();
+        Self { position, shift: SVector::zeros(), turn: 0.0, spin: Vector3::zeros() }
     }
+}
+
+/// How far an edge is off between two poses.
+fn error<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    edge: &RelativePose<G, N>,
+    (world_from_i, world_from_j): (&G, &G),
+) -> EdgeError {
+    let i_from_j = world_from_i.inverse().compose(world_from_j);
+    let error = edge.i_from_j.inverse().compose(&i_from_j);
+    EdgeError { distance: error.translation().norm(), angle: error.log().rows_range(D..).norm() }
+}
+
+/// The turn of `delta` in the world, about the axis z in the plane.
+fn spin<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    world_from_pose: &G,
+    delta: &SVector<f64, N>,
+) -> Vector3<f64> {
+    if D == 2 {
+        return Vector3::new(0.0, 0.0, delta[D]);
+    }
+    let rotation = world_from_pose.rotation_matrix();
+    Vector3::from_fn(|row, _| (0..D).map(|k| rotation[(row, k)] * delta[D + k]).sum())
+}
+
+/// spin × d.
+fn crossed<const D: usize>(spin: &Vector3<f64>, d: &SVector<f64, D>) -> SVector<f64, D> {
+    let whole = spin.cross(&Vector3::from_fn(|row, _| if row < D { d[row] } else { 0.0 }));
+    SVector::from_fn(|row, _| whole[row])
 }

@@ -1,31 +1,36 @@
 //! A pose graph that grows while it is solved: each update pays for what is new, not for the graph.
 //!
-//! The optimum of ½ Σ rᵀΩr is kept after every update, as [`super::solve`] would find it from the
-//! estimate so far: Gauss-Newton on a [`GrowingCholesky`]. Each pose is linearized where it last
-//! stood, and again only once its rotation has turned so far that the linear prediction of a
-//! residual may be wrong by a share of its standard deviation (after Kaess et al., "iSAM2", 2012).
-//! A pose that one edge ties to the others hangs there and costs nothing until a second edge comes.
-//! `states`: which poses are in the linear system; `linearized`: its terms, where they are made and
-//! when they are made anew. It knows no files, and large eliminations use the rayon pool of the caller.
+//! A minimum of ½ Σ rᵀΩr is kept after every update, as [`super::solve`] would find it from the
+//! estimate so far: Gauss-Newton on a [`GrowingCholesky`]. It need not be the lowest minimum. Each pose
+//! is linearized where it last stood, and again only once its rotation has turned so far that the
+//! linear prediction of a residual may be wrong by a share of its standard deviation (after Kaess et
+//! al., "iSAM2", 2012). A pose that one edge ties to the others hangs there and costs nothing until a
+//! second edge comes. `states`: which poses are in the linear system; `linearized`: its terms, where
+//! they are made and when they are made anew; `batch`: the batch solver, where the steps do not settle
+//! or go far. It knows no files, and large eliminations use the rayon pool of the caller.
 
+mod batch;
 mod linearized;
 mod states;
 
 use std::collections::BTreeMap;
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
-use super::{Options, solve};
 use crate::factors::{RelativePose, cost};
 use crate::geometry::RigidMotion;
 use crate::interrupt::Interrupt;
 use crate::linear::GrowingCholesky;
 use crate::loss::Loss;
-use crate::optimizer::ignore_iterations;
 use crate::problem::{PoseGraph, SolveError};
 
 /// Gauss-Newton steps of an update before the damped batch solver takes over.
 const MAX_STEPS: usize = 12;
+
+/// An update that linearized more than so many times all poses anew has cost as much as a solve of the
+/// whole graph, and went far enough to end at a minimum that is not the lowest: the batch solver is
+/// called as well.
+const LARGE_CHANGE: usize = 1;
 
 /// How the factors tie a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +86,18 @@ struct Term {
     ends: [Option<u32>; 2],
     /// √tr Ω of translation and rotation: what an error of the residual counts at most.
     stiffness: [f64; 2],
+    /// Where it is linearized.
+    error: EdgeError,
     checked_in: u32,
+}
+
+/// How far an edge is off.
+#[derive(Clone, Copy, Debug)]
+struct EdgeError {
+    /// Between the measured and the estimated position of pose j.
+    distance: f64,
+    /// The angle of the residual.
+    angle: f64,
 }
 
 /// A block's way from where its terms were made.
@@ -93,6 +109,8 @@ struct Motion<const D: usize> {
     shift: SVector<f64, D>,
     /// The angle by which it turned.
     turn: f64,
+    /// The same as a vector in the world.
+    spin: Vector3<f64>,
 }
 
 /// What an update did.
@@ -104,7 +122,7 @@ pub struct Growth {
     pub relinearized: usize,
     /// Poses that were eliminated anew, counted each time.
     pub eliminated: usize,
-    /// Whether the steps did not settle and the batch solver was called.
+    /// Whether the steps did not settle, or went far, and the batch solver was called.
     pub is_batch: bool,
 }
 
@@ -207,7 +225,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         cost(&edges, &self.graph.poses, Loss::Trivial, &Interrupt::NEVER)
     }
 
-    /// Takes in what was added since the last update and moves the estimate to the new optimum.
+    /// Takes in what was added since the last update and moves the estimate to the new minimum.
     ///
     /// # Errors
     /// Those of [`super::solve`], where the steps do not settle and it is called.
@@ -227,36 +245,12 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             self.relinearize(&mut moved, limit);
             growth.relinearized += moved.len();
         }
-        if !is_settled {
+        let is_large = growth.relinearized > LARGE_CHANGE * self.blocks.len();
+        if !is_settled || is_large {
             growth.is_batch = true;
-            self.solve_batch()?;
+            self.solve_batch(is_settled)?;
         }
         self.carry_pendant();
         Ok(growth)
-    }
-
-    /// The damped solver over all blocks, from where they stand.
-    fn solve_batch(&mut self) -> Result<(), SolveError> {
-        let mut batch = PoseGraph::<G, N>::new();
-        let mut number = vec![usize::MAX; self.states.len()];
-        for (pose, state) in self.states.iter().enumerate() {
-            if matches!(state, PoseState::Held | PoseState::Block(_)) {
-                number[pose] = batch.push_pose(self.graph.ids[pose], self.graph.poses[pose]);
-                batch.constant[number[pose]] = *state == PoseState::Held;
-            }
-        }
-        batch.edges = self
-            .terms
-            .iter()
-            .map(|term| self.graph.edges[term.edge])
-            .map(|edge| RelativePose { i: number[edge.i], j: number[edge.j], ..edge })
-            .collect();
-        solve(&mut batch, &Options::default(), &mut ignore_iterations)?;
-        for block in &self.blocks {
-            self.graph.poses[block.pose] = batch.poses[number[block.pose]];
-        }
-        let mut all: Vec<usize> = (0..self.blocks.len()).collect();
-        self.relinearize(&mut all, f64::INFINITY);
-        Ok(())
     }
 }
