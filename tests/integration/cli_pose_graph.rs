@@ -80,12 +80,14 @@ fn a_graph_fed_vertex_by_vertex_ends_at_the_optimum() {
         let batch = workspace.json("solve pose-graph {} --json", &[&input]);
         let best = number(&batch, "final_cost");
         assert!(cost >= best * (1.0 - 1e-9) && cost <= 1.01 * best, "{name}: {cost} {best}");
+        let beside = number(incremental, "batch_cost");
+        assert!(close(beside, best, 1e-6), "{name}: {beside} {best}");
         // The written file is the estimate.
         let written = workspace.json("solve pose-graph {} --init given --json", &[&out]);
         assert!(close(number(&written, "initial_cost"), cost, 1e-9), "{name}");
     }
     let text = workspace.run("solve pose-graph {} --incremental", &[&twin("grid-200")]).stdout;
-    for part in ["vertices", "steps: 200: median", "gauge: vertex 0 fixed"] {
+    for part in ["vertices", "steps: 200: median", "batch optimum: 1.35", "gauge: vertex 0 fixed"] {
         assert!(text.contains(part), "`{part}` in {text}");
     }
 }
