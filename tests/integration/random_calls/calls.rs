@@ -129,8 +129,10 @@ fn text(value: &Value) -> String {
 }
 
 fn not_finite(message: &DynamicMessage, path: &str) -> Option<String> {
-    // A solve says so of its costs, where a problem is beyond what numbers hold.
-    if matches!(message.descriptor().name(), "SolveSummary" | "IterationSummary") {
+    // A solve says so of its costs, and an evaluation of its errors, where a problem is beyond what
+    // numbers hold.
+    let of = ["SolveSummary", "IterationSummary", "EvaluateTrajectoryResult"];
+    if of.contains(&message.descriptor().name()) {
         return None;
     }
     message
