@@ -4,7 +4,7 @@
 //! keyframes before it ([`PointEstimate::from_views`]). Keyframe b sees it at a pixel, maybe with a
 //! depth. [`measure`] minimizes Σ ρ(rᵀ C⁻¹ r) over a_from_b, where C = R + J Σ Jᵀ adds what the point
 //! itself is uncertain by: the landmark is eliminated to first order, and H is what the two keyframes
-//! together tell of their relative pose. It reads no map and no poses but its start.
+//! together tell of their relative pose. C is that of the result (iterative reweighting). It reads no map and no poses but its start.
 
 mod calibration;
 
@@ -96,6 +96,23 @@ struct Linearized {
     weighted: f64,
     /// Rows of the matches that project.
     rows: usize,
+    /// C⁻¹ of each match that projects.
+    informations: Vec<Option<Matrix3<f64>>>,
+}
+
+impl Linearized {
+    /// The cost of another pose by the same C; infinite where a match does not project any more.
+    ///
+    /// C turns with the pose, and is not to be minimized over: a pose would gain by making it large.
+    fn cost_at(&self, camera: &Camera, matches: &[Match], a_from_b: &Se3) -> f64 {
+        let mut cost = 0.0;
+        for (seen, information) in matches.iter().zip(&self.informations) {
+            let Some(information) = information else { continue };
+            let Some((r, _)) = difference(camera, seen, a_from_b) else { return f64::INFINITY };
+            cost += huber(r.dot(&(information * r)));
+        }
+        cost
+    }
 }
 
 /// Measures the relative pose of two keyframes, from a start that may be rough.
@@ -115,12 +132,16 @@ pub fn measure(camera_b: &Camera, matches: &[Match], start: &Se3) -> Option<Rela
         let step = -damped.cholesky()?.solve(&now.gradient);
         let trial = pose.compose(&Se3::exp(&step));
         let length = step.dot(&(now.hessian * step)).max(0.0).sqrt();
-        match linearize(camera_b, matches, &trial) {
-            Some(next) if next.cost <= now.cost && next.rows >= now.rows => {
+        let next = match now.cost_at(camera_b, matches, &trial) <= now.cost {
+            true => linearize(camera_b, matches, &trial).filter(|next| next.rows >= now.rows),
+            false => None,
+        };
+        match next {
+            Some(next) => {
                 (pose, now) = (trial, next);
                 damping = (damping * 0.2).max(1e-12);
             }
-            Some(_) | None => damping *= 10.0,
+            None => damping *= 10.0,
         }
         if length < STEP_TOLERANCE || damping > 1e9 {
             break;
@@ -157,22 +178,31 @@ pub(crate) fn squared_error(camera: &Camera, seen: &Match, a_from_b: &Se3) -> Op
     residual(camera, seen, a_from_b).map(|r| (r.squared, r.rows))
 }
 
-fn residual(camera: &Camera, seen: &Match, a_from_b: &Se3) -> Option<Residual> {
+/// r of a match at a pose, and the point in the frame of b; `None` where it does not project.
+fn difference(
+    camera: &Camera,
+    seen: &Match,
+    a_from_b: &Se3,
+) -> Option<(Vector3<f64>, Vector3<f64>)> {
     let point = a_from_b.inverse_transform(&seen.landmark.point);
     if point.z <= 0.0 {
         return None;
     }
+    let pixel = camera.project(&point)? - seen.pixel;
+    let depth = seen.depth_m.map_or(0.0, |(depth, _)| point.z - depth);
+    Some((pixel.push(depth), point))
+}
+
+fn residual(camera: &Camera, seen: &Match, a_from_b: &Se3) -> Option<Residual> {
+    let (r, point) = difference(camera, seen, a_from_b)?;
     let projection = camera.project_with_jacobians(&point)?;
     let mut d_point = Matrix3::zeros();
     d_point.fixed_view_mut::<2, 3>(0, 0).copy_from(&projection.d_point);
-    let pixel = projection.pixel - seen.pixel;
-    let mut r = Vector3::new(pixel.x, pixel.y, 0.0);
     let variance_px = seen.sigma_px * seen.sigma_px;
     let mut noise = Vector3::new(variance_px, variance_px, 1.0);
     let rows = match seen.depth_m {
-        Some((depth, sigma)) => {
+        Some((_, sigma)) => {
             d_point[(2, 2)] = 1.0;
-            r.z = point.z - depth;
             noise.z = sigma * sigma;
             3
         }
@@ -199,6 +229,12 @@ fn huber_weight(squared: f64) -> f64 {
     if norm <= HUBER_WIDTH { 1.0 } else { HUBER_WIDTH / norm }
 }
 
+/// Huber's loss.
+fn huber(squared: f64) -> f64 {
+    let norm = squared.max(0.0).sqrt();
+    if norm <= HUBER_WIDTH { 0.5 * squared } else { HUBER_WIDTH * (norm - 0.5 * HUBER_WIDTH) }
+}
+
 /// `None` where fewer than [`MIN_MATCHES`] matches project.
 fn linearize(camera: &Camera, matches: &[Match], a_from_b: &Se3) -> Option<Linearized> {
     let mut sum = Linearized {
@@ -207,16 +243,15 @@ fn linearize(camera: &Camera, matches: &[Match], a_from_b: &Se3) -> Option<Linea
         gradient: Vector6::zeros(),
         weighted: 0.0,
         rows: 0,
+        informations: Vec::with_capacity(matches.len()),
     };
     let mut count = 0;
     for seen in matches {
-        let Some(r) = residual(camera, seen, a_from_b) else { continue };
-        let norm = r.squared.max(0.0).sqrt();
+        let found = residual(camera, seen, a_from_b);
+        sum.informations.push(found.as_ref().map(|r| r.information));
+        let Some(r) = found else { continue };
         let weight = huber_weight(r.squared);
-        sum.cost += match weight < 1.0 {
-            true => HUBER_WIDTH * (norm - 0.5 * HUBER_WIDTH),
-            false => 0.5 * r.squared,
-        };
+        sum.cost += huber(r.squared);
         sum.hessian += weight * r.jacobian.transpose() * r.information * r.jacobian;
         sum.gradient += weight * r.jacobian.transpose() * r.weighted;
         sum.weighted += weight * r.squared;

@@ -121,3 +121,42 @@ fn matches_of_which_most_contradict_the_pose_are_no_measurement() {
     }
     assert!(measure(&camera(), &matches, &truth).is_none());
 }
+
+/// Landmarks with depth, seen from far to the side by a camera without depth.
+fn seen_from_the_side(rng: &mut impl Rng, count: usize) -> (Se3, Vec<Match>) {
+    let turn = crate::geometry::So3::exp(&Vector3::new(0.0, -0.4, 0.0));
+    let sigmas = Vector6::new(0.2, 0.2, 0.2, 0.1, 0.1, 0.1);
+    let truth = perturbed(rng, &Se3::new(turn, Vector3::new(1.0, 0.0, 0.3)), &sigmas);
+    let mut matches = scene(rng, count, &[], &truth, true);
+    matches.iter_mut().for_each(|seen| seen.depth_m = None);
+    (truth, matches)
+}
+
+#[test]
+fn a_measurement_is_the_same_from_any_start() {
+    let mut rng = seeded(7);
+    for _ in 0..20 {
+        let (truth, matches) = seen_from_the_side(&mut rng, 100);
+        let from_truth = measure(&camera(), &matches, &truth).unwrap();
+        for _ in 0..5 {
+            let off = Vector6::new(0.05, 0.05, 0.05, 0.02, 0.02, 0.02);
+            let start = perturbed(&mut rng, &truth, &off);
+            let measured = measure(&camera(), &matches, &start).unwrap();
+            let between = measured.a_from_b.minus(&from_truth.a_from_b);
+            let squared = from_truth.information.squared_norm(&between);
+            assert!(squared < 1e-4, "{:.3} standard deviations", squared.sqrt());
+        }
+    }
+}
+
+#[test]
+fn the_information_holds_where_uncertain_points_are_seen_from_the_side() {
+    let mut rng = seeded(8);
+    let mut sum = 0.0;
+    for _ in 0..200 {
+        let (truth, matches) = seen_from_the_side(&mut rng, 100);
+        let measured = measure(&camera(), &matches, &truth).unwrap();
+        sum += measured.information.squared_norm(&measured.a_from_b.minus(&truth));
+    }
+    assert!((4.8..7.2).contains(&(sum / 200.0)), "{}", sum / 200.0);
+}
