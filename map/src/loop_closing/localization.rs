@@ -13,7 +13,7 @@ use covis_solvers::interrupt::Interrupt;
 use nalgebra::{Matrix3, Matrix6, Vector6};
 
 use super::alignment::meter;
-use super::path::{DRIFT, LEAST, TURN_BY_ANGLE, TURN_BY_LENGTH};
+use super::path::{self, DRIFT, LEAST, TURN_BY_ANGLE, TURN_BY_LENGTH};
 use super::{Located, QueryView, judge_candidate, listed};
 use crate::place::Candidate;
 use crate::{Map, PlaceCandidate, PlaceRefusal, PlaceSearch};
@@ -84,7 +84,8 @@ pub fn localize(
     let most = best.verified.independent;
     let mut rivals = Vec::new();
     for (candidate, located) in &mut found {
-        let Some(other) = located.take_if(|other| !agree(map, &best, other, meter)) else {
+        let Some(other) = located.take_if(|other| !agree(map, &best, other, (meter, interrupt)))
+        else {
             continue;
         };
         let own = other.verified.independent;
@@ -160,14 +161,7 @@ fn drifting(map: &Map, mut located: Located, meter: f64) -> Located {
 
 /// Whether two answers are one place, as far as they are known and as the map may have drifted between
 /// their keyframes. `meter` is the length of a meter in the map, about.
-fn agree(map: &Map, a: &Located, b: &Located, meter: f64) -> bool {
-    let position = |located: &Located| {
-        map.keyframes().get(&located.keyframe).map(|k| k.world_from_camera.translation)
-    };
-    let Some((at_a, at_b)) = position(a).zip(position(b)) else { return false };
-    let way = (at_a - at_b).norm() / meter;
-    let turn = LEAST.1 + TURN_BY_LENGTH * way;
-    let drift = (LEAST.0 + (DRIFT + turn / 2.0) * way) * meter;
+fn agree(map: &Map, a: &Located, b: &Located, (meter, interrupt): (f64, &Interrupt)) -> bool {
     let sigma = |located: &Located, at: usize| {
         let covariance = located.verified.information.covariance().ok()?;
         let block: Matrix3<f64> = covariance.matrix().fixed_view::<3, 3>(at, at).into_owned();
@@ -176,6 +170,17 @@ fn agree(map: &Map, a: &Located, b: &Located, meter: f64) -> bool {
     let sigmas = |at: usize| Some(sigma(a, at)?.hypot(sigma(b, at)?));
     let Some((by_pose, by_turn)) = sigmas(0).zip(sigmas(3)) else { return false };
     let error = a.world_from_view.inverse().compose(&b.world_from_view);
-    error.translation.norm() <= SIGMAS * drift.hypot(by_pose)
-        && error.rotation.log().norm() <= SIGMAS * turn.hypot(by_turn)
+    let (position, rotation) = (error.translation.norm(), error.rotation.log().norm());
+    let is_within = |way: f64, angle: f64| {
+        let turn = LEAST.1 + TURN_BY_LENGTH * way + TURN_BY_ANGLE * angle;
+        let drift = (LEAST.0 + (DRIFT + turn / 2.0) * way) * meter;
+        position <= SIGMAS * drift.hypot(by_pose) && rotation <= SIGMAS * turn.hypot(by_turn)
+    };
+    let pose = |located: &Located| Some(map.keyframes().get(&located.keyframe)?.world_from_camera);
+    let Some((from, to)) = pose(a).zip(pose(b)) else { return false };
+    let motion = from.inverse().compose(&to);
+    // The shortest way that there can be takes no search.
+    is_within(motion.translation.norm() / meter, motion.rotation.log().norm())
+        || path::shortest(map, a.keyframe, b.keyframe, interrupt)
+            .is_some_and(|way| is_within(way.length / meter, way.angle))
 }

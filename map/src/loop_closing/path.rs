@@ -34,13 +34,13 @@ const METERS_PER_RADIAN: f64 = 1.0;
 
 /// A way from a keyframe to another one.
 #[derive(Clone, Copy, Debug)]
-struct OdometryPath {
+pub(super) struct OdometryPath {
     /// The pose of the other one in the frame of the first, as it was measured on the way.
     motion: Se3,
     /// Length, m.
-    length: f64,
+    pub(super) length: f64,
     /// Angles turned, rad.
-    angle: f64,
+    pub(super) angle: f64,
 }
 
 impl OdometryPath {
@@ -89,7 +89,7 @@ pub(super) fn expected(
 }
 
 /// The shortest way from one keyframe to another (Dijkstra 1959).
-fn shortest(
+pub(super) fn shortest(
     map: &Map,
     from: EntityId,
     to: EntityId,

@@ -8,11 +8,17 @@ use super::consensus::{Projected, gate};
 use super::{Input, Options, weighted_once};
 use crate::geometry::{LieGroup, Se3};
 use crate::point_matching::{Likeness, MutualBest, RATIO};
-use crate::relative_motion::squared_error;
+use crate::relative_motion::{PointEstimate, squared_error};
 
 /// Features that look like a point, in the mean of all points, above which nothing is taken: twice as many
 /// as make one point ambiguous in [`crate::point_matching`]. It bounds what equal descriptors cost.
 const MOST_ALIKE: usize = 64;
+
+/// Largest ratio of the distances from which a corner is seen and found again: pyramids of features reach
+/// over 1.2⁷ = 3.6 (Rublee et al., ORB, 2011).
+const LARGEST_RATIO: f64 = 4.0;
+/// Largest standard deviation of where a point is in the image, rad: within more there is another corner.
+const MOST_SPREAD: f64 = 0.02;
 
 /// Pairs (point, feature) of those that are in no pair of `taken`, by rising point.
 pub(super) fn search(
@@ -35,12 +41,16 @@ pub(super) fn search(
     let widest = by_u.iter().map(|&f| input.features[f].sigma_px).fold(0.0, f64::max);
     let inverse = pose.inverse();
     let (b_from_a, origin) = (inverse.rotation.matrix(), inverse.translation);
+    let widest_spread = MOST_SPREAD * input.camera.mean_focal_px();
     let mut alike = 0;
     let mut best = MutualBest::new(input.points.len(), input.features.len());
     for (point, estimate) in input.points.iter().enumerate().filter(|&(p, _)| is_point_free[p]) {
         let Some(seen) = Projected::new(input.camera, estimate, &b_from_a, &origin) else {
             continue;
         };
+        if !is_telling(estimate, &seen, widest_spread) {
+            continue;
+        }
         // No error in u is longer than this within the gate, as far as the lens does not distort the
         // covariance.
         let limit = gate(3, options.sigma_allowance);
@@ -64,4 +74,30 @@ pub(super) fn search(
         }
     }
     best.pairs()
+}
+
+/// Whether a match with a point tells something of a pose: the point is known to within a patch of the image,
+/// and is about as large there as in the candidate's. Others match by chance, and one that
+/// is near to the camera may move a pose more than all that are right.
+fn is_telling(estimate: &PointEstimate, seen: &Projected, widest_spread: f64) -> bool {
+    let ratio = estimate.point.norm() / seen.depth;
+    let is_as_large = (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio);
+    is_as_large && seen.c00 + seen.c11 <= widest_spread * widest_spread
+}
+
+/// Those of the pairs (point, feature) that tell something of a pose.
+pub(super) fn telling(
+    input: &Input<'_>,
+    pairs: impl Iterator<Item = (usize, usize)>,
+    pose: &Se3,
+) -> Vec<(usize, usize)> {
+    let widest_spread = MOST_SPREAD * input.camera.mean_focal_px();
+    let inverse = pose.inverse();
+    let (b_from_a, origin) = (inverse.rotation.matrix(), inverse.translation);
+    let is_kept = |&(point, _): &(usize, usize)| {
+        let estimate = &input.points[point];
+        Projected::new(input.camera, estimate, &b_from_a, &origin)
+            .is_some_and(|seen| is_telling(estimate, &seen, widest_spread))
+    };
+    pairs.filter(is_kept).collect()
 }

@@ -12,6 +12,7 @@
 mod checks;
 mod consensus;
 mod guided;
+mod patches;
 mod refusal;
 mod sampling;
 mod spread;
@@ -35,6 +36,10 @@ pub const MIN_INLIERS: usize = 12;
 /// Matches that are used, those with the largest weights: more do not make a pose surer, and what a
 /// hostile query costs is bounded.
 const MAX_MATCHES: usize = 1000;
+/// Share of the matches that agree on a pose than which further ones may not look more different: how much
+/// the same corner changes depends on camera, descriptor and view, and what chance makes alike is hardly so
+/// alike.
+const AGREEING: f64 = 0.95;
 /// Times that the pose looks for further matches.
 const GUIDED_ROUNDS: usize = 2;
 
@@ -190,10 +195,16 @@ fn verified(
         return Err(Refusal::TooFewInliers { inliers: best.inliers.len(), needed });
     }
     let mut pairs: Vec<(usize, usize)> = proposed.iter().map(|m| (m.point, m.feature)).collect();
+    let agreeing = best.inliers.iter().map(|&k| likeness(pairs[k].0, pairs[k].1));
+    let limit = most_different(agreeing);
+    let likeness = &|point: usize, feature: usize| match likeness(point, feature) {
+        Likeness::Distance(distance) if distance > limit => Likeness::Different,
+        alike => alike,
+    };
     let mut all = weighted.clone();
     let mut found = best;
     for _ in 0..GUIDED_ROUNDS {
-        let inlying: Vec<(usize, usize)> = found.inliers.iter().map(|&k| pairs[k]).collect();
+        let inlying = guided::telling(input, found.inliers.iter().map(|&k| pairs[k]), &found.pose);
         let further = guided::search(input, &inlying, &found.pose, likeness, options);
         // Matches that do not fit give way to those that do.
         pairs = inlying.iter().chain(&further).copied().collect();
@@ -208,12 +219,18 @@ fn verified(
     let problem_of_all = Problem { camera: input.camera, matches: &all, options };
     let fitted =
         problem_of_all.fitted(&found.inliers, &found.pose).ok_or(Refusal::RefinementFailed)?;
+    // The allowance lets chance matches in where standard deviations are as they claim to be.
+    let sigma_allowance = fitted.variance.sqrt().min(options.sigma_allowance);
+    let strict = Options { sigma_allowance, ..*options };
+    let strict = Problem { options: &strict, ..problem_of_all };
+    let found = strict.consensus(fitted.motion.a_from_b, 1.0);
+    let fitted = strict.fitted(&found.inliers, &found.pose).ok_or(Refusal::RefinementFailed)?;
     let pose = fitted.motion.a_from_b;
     let open = calibration_covariance(input.camera, &fitted.matches, &pose, &options.calibration);
     let fitted_matches: Vec<Weighted> = found.inliers.iter().map(|&k| all[k]).collect();
     // Matches of one patch have one error of their landmark and of their pixel.
     let of_one_patch = fitted_matches.len() as f64
-        / spread::independent(input, &fitted_matches).len().max(1) as f64;
+        / patches::independent(input, &fitted_matches).len().max(1) as f64;
     let covariance = fitted
         .motion
         .information
@@ -239,7 +256,7 @@ fn verified(
     let agreed: Consensus = problem.consensus(pose, 1.0);
     let (independent, is_no_chance) = checks::independent(input, &problem, &agreed.inliers, &pose);
     let share = spread::explained(input, &inlying, &pose, likeness, options);
-    let doubt = is_no_chance.and_then(|()| checks::explained(share));
+    let doubt = is_no_chance.and_then(|()| checks::explained(share, independent));
     let verified = Verified {
         candidate_from_query: pose,
         information,
@@ -249,6 +266,18 @@ fn verified(
         variance_factor: (fitted.variance * fitted.motion.variance_factor).max(1.0),
     };
     Ok((verified, doubt))
+}
+
+/// The distance that [`AGREEING`] of the matches that agree on a pose do not exceed.
+fn most_different(agreeing: impl Iterator<Item = Likeness>) -> f64 {
+    let distance = |likeness| match likeness {
+        Likeness::Distance(distance) => Some(distance),
+        Likeness::Different | Likeness::Unknown => None,
+    };
+    let mut distances: Vec<f64> = agreeing.filter_map(distance).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    let at = (AGREEING * distances.len() as f64) as usize;
+    distances.get(at).copied().unwrap_or(f64::INFINITY)
 }
 
 /// The matches that have a weight, at most [`MAX_MATCHES`], by index; the largest weight is 1.

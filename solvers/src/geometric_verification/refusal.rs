@@ -50,10 +50,14 @@ pub enum Refusal {
         distance: f64,
     },
     /// Landmarks match in one part of what the pose shows, and hardly beside it: a thing that exists twice.
-    #[error("matches are as frequent as around the inliers on {share:.2} of what the pose shows")]
+    #[error(
+        "matches are as frequent as around {independent} inliers on {share:.2} of what the pose shows"
+    )]
     Unexplained {
         /// Share of the landmarks that the pose has in the image.
         share: f64,
+        /// Inliers; of those that show one patch of the scene, one.
+        independent: usize,
     },
     /// Other matches agree on another pose: the scene repeats itself.
     #[error("another pose has {rival} inliers beside the {inliers} of the best one")]

@@ -60,8 +60,8 @@ fn template(rng: &mut impl Rng, count: usize, size: [f64; 3]) -> Vec<Corner> {
         .collect()
 }
 
-/// Seeds 0 to 5 chose what [`localize`] asks for; none of these did.
-const FIRST_SEED: u64 = 20;
+/// Seeds 0 to 59 chose what [`localize`] asks for; none of these did.
+const FIRST_SEED: u64 = 60;
 const QUERIES: usize = 50;
 
 /// Half of the room's length and width, and its height, m.
@@ -256,7 +256,6 @@ fn tally(tally: &mut Tally, seed: u64, with_depth: bool) {
 }
 
 #[test]
-#[ignore = "not reached yet: 9 of 300 answers are beyond 5 sigmas, 8 of them by 2.5 to 6 cm (issue 44)"]
 fn a_camera_in_a_room_with_repeated_furniture_is_told_where_it_is_or_nothing() {
     let rooms = std::env::var("COVIS_TEST_ROOMS").map_or(2, |rooms| rooms.parse().unwrap());
     for with_depth in [false, true] {

@@ -73,3 +73,42 @@ fn a_half_of_the_image_that_is_hidden_makes_no_doubt() {
     let error = same(&verdict).candidate_from_query.minus(&made.truth);
     assert!(error.norm() < 0.1, "{error}");
 }
+
+#[test]
+fn further_matches_look_as_alike_as_those_that_agree() {
+    let made = Scene { proposed: 0.5, ..Scene::default() }.make(4);
+    let mut is_proposed = vec![false; made.points.len()];
+    made.matches.iter().for_each(|m| is_proposed[m.point] = true);
+    let inliers = |of_others: f64| {
+        let likeness = |point: usize, feature: usize| match point == feature {
+            true if is_proposed[point] => Likeness::Distance(0.16),
+            true => Likeness::Distance(of_others),
+            false => Likeness::Different,
+        };
+        let verdict = verify(&made.input(), &likeness, &Options::default()).unwrap();
+        same(&verdict).inliers.len()
+    };
+    let proposed = made.matches.len();
+    assert!(inliers(0.15) > proposed + proposed / 2);
+    assert!(inliers(0.29) <= proposed, "what chance makes alike");
+}
+
+#[test]
+fn a_match_with_a_point_before_the_lens_moves_nothing() {
+    let mut made = Scene { query_depth: false, ..Scene::default() }.make(5);
+    let likely = verdict(&made);
+    let before = same(&likely);
+    // Its own covariance spreads it over the image, so that any feature fits.
+    let near = Vector3::new(-0.003, 0.004, 0.02);
+    let pixel = made.camera.project(&near).unwrap() + Vector2::new(25.0, -20.0);
+    let covariance = nalgebra::Matrix3::identity() * 0.003_f64.powi(2);
+    made.points.push(PointEstimate { point: made.truth.transform(&near), covariance });
+    made.features.push(Feature { pixel, sigma_px: 1.0, depth_m: None });
+    let last = made.points.len() - 1;
+    made.matches.push(Proposed { point: last, feature: last, weight: 1.0 });
+    let verdict = verdict(&made);
+    let after = same(&verdict);
+    assert!(after.inliers.iter().all(|&(point, _)| point != last));
+    let moved = after.candidate_from_query.minus(&before.candidate_from_query);
+    assert!(before.information.squared_norm(&moved) < 0.01, "{moved}");
+}
