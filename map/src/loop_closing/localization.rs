@@ -24,6 +24,10 @@ const SIGMAS: f64 = 3.0;
 /// same share as between two poses of one candidate.
 const RIVAL: f64 = 0.6;
 
+/// Longest way along which a map may have drifted between two keyframes of one place, m: about a room. On a
+/// longer one any two places would be one.
+const LONGEST_WAY: f64 = 15.0;
+
 /// Where a camera is.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Localization {
@@ -181,6 +185,6 @@ fn agree(map: &Map, a: &Located, b: &Located, (meter, interrupt): (f64, &Interru
     let motion = from.inverse().compose(&to);
     // The shortest way that there can be takes no search.
     is_within(motion.translation.norm() / meter, motion.rotation.log().norm())
-        || path::shortest(map, a.keyframe, b.keyframe, interrupt)
+        || path::shortest(map, a.keyframe, b.keyframe, (LONGEST_WAY * meter, interrupt))
             .is_some_and(|way| is_within(way.length / meter, way.angle))
 }

@@ -70,7 +70,7 @@ pub(super) fn expected(
     query: EntityId,
     interrupt: &Interrupt,
 ) -> Option<Expected> {
-    let way = shortest(map, candidate, query, interrupt)?;
+    let way = shortest(map, candidate, query, (f64::INFINITY, interrupt))?;
     let (from, to) = (map.keyframes().get(&candidate)?, map.keyframes().get(&query)?);
     let measures_depth =
         [from, to].iter().all(|k| k.observations.iter().any(|o| o.depth.is_some()));
@@ -88,12 +88,13 @@ pub(super) fn expected(
     Some(Expected { candidate_from_query: way.motion, covariance })
 }
 
-/// The shortest way from one keyframe to another (Dijkstra 1959).
+/// The shortest way from one keyframe to another (Dijkstra 1959), where one is no longer than `most` meters,
+/// a radian counting as one.
 pub(super) fn shortest(
     map: &Map,
     from: EntityId,
     to: EntityId,
-    interrupt: &Interrupt,
+    (most, interrupt): (f64, &Interrupt),
 ) -> Option<OdometryPath> {
     let odom = |id: EntityId| map.keyframes().get(&id).map(|k| k.odom_from_camera);
     let mut best: BTreeMap<EntityId, OdometryPath> = BTreeMap::from([(from, OdometryPath::none())]);
@@ -127,7 +128,7 @@ pub(super) fn shortest(
             let reached = way.and(&motion);
             let is_shorter = best.get(&other).is_none_or(|known| reached.cost() < known.cost());
             // A pose that is not finite leads nowhere.
-            if is_shorter && reached.cost().is_finite() {
+            if is_shorter && reached.cost().is_finite() && reached.cost() <= most {
                 best.insert(other, reached);
                 queue.push(Reverse((reached.cost().to_bits(), other)));
             }

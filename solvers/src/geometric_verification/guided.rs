@@ -17,8 +17,9 @@ const MOST_ALIKE: usize = 64;
 /// Largest ratio of the distances from which a corner is seen and found again: pyramids of features reach
 /// over 1.2⁷ = 3.6 (Rublee et al., ORB, 2011).
 const LARGEST_RATIO: f64 = 4.0;
-/// Largest standard deviation of where a point is in the image, rad: within more there is another corner.
-const MOST_SPREAD: f64 = 0.02;
+/// Largest standard deviation of where a point is in the image, rad. What is spread over more is right before
+/// the lens, or hardly known, and any feature fits it.
+const MOST_SPREAD: f64 = 0.1;
 
 /// Pairs (point, feature) of those that are in no pair of `taken`, by rising point.
 pub(super) fn search(
@@ -76,8 +77,8 @@ pub(super) fn search(
     best.pairs()
 }
 
-/// Whether a match with a point tells something of a pose: the point is known to within a patch of the image,
-/// and is about as large there as in the candidate's. Others match by chance, and one that
+/// Whether a match with a point tells something of a pose: where it is in the image is known to some degrees,
+/// and it is about as large there as in the candidate's. Others match by chance, and one that
 /// is near to the camera may move a pose more than all that are right.
 fn is_telling(estimate: &PointEstimate, seen: &Projected, widest_spread: f64) -> bool {
     let ratio = estimate.point.norm() / seen.depth;

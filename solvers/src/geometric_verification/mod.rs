@@ -197,9 +197,10 @@ fn verified(
     let mut pairs: Vec<(usize, usize)> = proposed.iter().map(|m| (m.point, m.feature)).collect();
     let agreeing = best.inliers.iter().map(|&k| likeness(pairs[k].0, pairs[k].1));
     let limit = most_different(agreeing);
-    let likeness = &|point: usize, feature: usize| match likeness(point, feature) {
-        Likeness::Distance(distance) if distance > limit => Likeness::Different,
-        alike => alike,
+    let is_different = |likeness| matches!(likeness, Likeness::Distance(d) if d > limit);
+    let likeness = &|point: usize, feature: usize| {
+        let found = likeness(point, feature);
+        if is_different(found) { Likeness::Different } else { found }
     };
     let mut all = weighted.clone();
     let mut found = best;
@@ -216,15 +217,12 @@ fn verified(
             break;
         }
     }
+    if found.inliers.len() < MIN_INLIERS {
+        return Err(Refusal::TooFewInliers { inliers: found.inliers.len(), needed: MIN_INLIERS });
+    }
     let problem_of_all = Problem { camera: input.camera, matches: &all, options };
     let fitted =
         problem_of_all.fitted(&found.inliers, &found.pose).ok_or(Refusal::RefinementFailed)?;
-    // The allowance lets chance matches in where standard deviations are as they claim to be.
-    let sigma_allowance = fitted.variance.sqrt().min(options.sigma_allowance);
-    let strict = Options { sigma_allowance, ..*options };
-    let strict = Problem { options: &strict, ..problem_of_all };
-    let found = strict.consensus(fitted.motion.a_from_b, 1.0);
-    let fitted = strict.fitted(&found.inliers, &found.pose).ok_or(Refusal::RefinementFailed)?;
     let pose = fitted.motion.a_from_b;
     let open = calibration_covariance(input.camera, &fitted.matches, &pose, &options.calibration);
     let fitted_matches: Vec<Weighted> = found.inliers.iter().map(|&k| all[k]).collect();
