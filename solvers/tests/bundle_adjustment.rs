@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use covis_solvers::bundle_adjustment::{BundleSummary, LinearSolver, Options, solve};
 use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::factors::{PosePrior, PositionPrior, RelativePose};
-use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::geometry::{LieGroup, Se3, So3};
 use covis_solvers::information::Information;
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::loss::Loss;
@@ -275,6 +275,43 @@ fn pose_factors_pull_and_count_in_the_cost() {
         assert!(found.minus(&i_from_j).norm() < 1e-3);
         assert!((problem.poses[5].translation - start.poses[5].translation).norm() < 1e-3);
     }
+}
+
+#[test]
+fn poses_that_see_nothing_are_solved_by_their_factors() {
+    // A square of 200 poses with odometry that drifts, and a closure.
+    let mut start = BundleProblem::default();
+    let turn = So3::exp(&Vector3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2));
+    let step = |k: usize| {
+        let rotation = if k.is_multiple_of(50) { turn } else { So3::identity() };
+        Se3::new(rotation, Vector3::new(1.0, 0.01, 0.0))
+    };
+    let information = Information::from_sigmas(&SVector::repeat(0.1)).unwrap();
+    let mut pose = Se3::identity();
+    for k in 0..200 {
+        start.push_pose(pose);
+        pose = pose.compose(&step(k + 1));
+        if k > 0 {
+            let factor = |i, j, i_from_j| RelativePose { i, j, i_from_j, information, loss: None };
+            start.relative_poses.push(factor(k - 1, k, step(k)));
+        }
+    }
+    let i_from_j = step(200);
+    start.relative_poses.push(RelativePose { i: 199, j: 0, i_from_j, information, loss: None });
+    start.constant_poses[0] = true;
+    let solvers = [
+        LinearSolver::Auto,
+        LinearSolver::DenseSchur,
+        LinearSolver::SparseSchur,
+        LinearSolver::IterativeSchur,
+    ];
+    let costs = solvers.map(|linear_solver| {
+        let mut problem = start.clone();
+        let summary = run(&mut problem, &Options { linear_solver, ..Default::default() }).solve;
+        assert!(summary.final_cost < 0.1 * summary.initial_cost, "{linear_solver:?}: {summary:?}");
+        summary.final_cost
+    });
+    assert!(costs.iter().all(|cost| (cost / costs[0] - 1.0).abs() < 1e-4), "{costs:?}");
 }
 
 #[test]

@@ -188,6 +188,10 @@ fn least_factor_flops(layout: &Layout) -> f64 {
     const SAMPLES: usize = 32;
     let sorted = &layout.sorted;
     let count = layout.views.len();
+    // Poses without observations fill what their factors join.
+    if count == 0 {
+        return 0.0;
+    }
     let step = count.div_ceil(SAMPLES).max(1);
     let mut seen = vec![usize::MAX; count];
     let mut squares = 0.0;
