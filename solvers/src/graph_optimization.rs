@@ -72,8 +72,8 @@ pub struct Optimized {
     pub start: Start,
     /// How long the start took, where it was a stage of its own.
     pub start_seconds: Option<f64>,
-    /// Costs where the last solve started, of the edges at their weights; zero without
-    /// [`Options::costs`].
+    /// Costs of the edges at their weights, zero without [`Options::costs`]: where closures are judged, at the
+    /// poses that the graph came with, if it came with some; else where the last solve started.
     pub before: CostReport,
     /// The same where it ended.
     pub after: CostReport,
@@ -286,12 +286,16 @@ impl Run<'_> {
     ) -> Result<Optimized, SolveError> {
         let options = pose_graph::Options { optimizer: self.options.optimizer };
         let (start, rows) = ((self.options.start, has_poses), &mut ignore_iterations);
-        let given = if graph.has_priors() { graph.poses.clone() } else { Vec::new() };
+        let mut given = if has_poses { graph.poses.clone() } else { Vec::new() };
         let mut judged = robust::solve(graph, start, judging, &options, self.interrupt, rows)?;
         let mut kept = robust::weighted(graph, &judged.closures);
+        std::mem::swap(&mut kept.poses, &mut given);
+        let came_in = has_poses.then(|| self.cost(&kept));
+        std::mem::swap(&mut kept.poses, &mut given);
         let (solve, before, after, proof) = if self.options.certify {
             let proof = self.prove(&mut kept)?;
             let (solve, before) = self.last(&mut kept, observer)?;
+            let before = came_in.unwrap_or(before);
             let after = self.cost(&kept);
             graph.poses = kept.poses;
             for verdict in &mut judged.closures {
@@ -305,20 +309,12 @@ impl Run<'_> {
                 let _control = observer(row);
             }
             let after = self.cost(&kept);
-            // The poses of its start are gone, but its cost is known, and it is of one kind.
+            // The poses of a start that was made are gone, but its cost is known, and it is of one kind.
             let initial = judged.solve.initial_cost;
             let relative_pose = FactorCost { cost: initial, ..after.relative_pose };
-            let before = match self.options.costs {
-                true if graph.has_priors() => {
-                    // It is of several kinds: they are counted where the judging began.
-                    self.cost(&PoseGraph { poses: given, ..kept })
-                }
-                true => {
-                    let residuals = ResidualReport::default();
-                    CostReport { total: initial, relative_pose, residuals, ..after }
-                }
-                false => after,
-            };
+            let residuals = ResidualReport::default();
+            let of_start = CostReport { total: initial, relative_pose, residuals, ..after };
+            let before = if self.options.costs { came_in.unwrap_or(of_start) } else { after };
             (judged.solve.clone(), before, after, None)
         };
         let (start, judged) = (judged.start, Some(judged));

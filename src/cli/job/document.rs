@@ -33,6 +33,8 @@ pub(super) struct Document {
     time_left_s: Option<f64>,
     cost_before: Option<f64>,
     cost_after: Option<f64>,
+    /// Why the solve of a map ended that did not converge.
+    not_converged: Option<String>,
     failure: Option<Failure>,
     files: Vec<File>,
     /// Lists of which the server answered the first entries.
@@ -88,6 +90,7 @@ impl From<v1::Job> for Document {
             time_left_s: progress.time_left_s,
             cost_before: job.cost_before,
             cost_after: job.cost_after,
+            not_converged: job.result.and_then(not_converged),
             failure: job.failure.map(|failure| Failure {
                 code: failure.code,
                 reason: failure.reason,
@@ -112,11 +115,20 @@ impl From<v1::Job> for Document {
     }
 }
 
+fn not_converged(result: v1::JobResult) -> Option<String> {
+    use v1::Termination::{ConvergedFunction, ConvergedGradient, ConvergedParameter};
+    let Some(v1::job_result::Result::OptimizeMap(result)) = result.result else { return None };
+    let summary = result.summary?;
+    let converged = [ConvergedFunction, ConvergedGradient, ConvergedParameter];
+    (!converged.contains(&summary.termination())).then_some(summary.description)
+}
+
 fn costs(job: &Document) -> String {
-    match (job.cost_before, job.cost_after) {
-        (Some(before), Some(after)) => format!("{before:.10e} -> {after:.10e}"),
-        _ => String::new(),
-    }
+    let (Some(before), Some(after)) = (job.cost_before, job.cost_after) else {
+        return String::new();
+    };
+    let ended = job.not_converged.as_ref().map(|ended| format!(", not converged: {ended}"));
+    format!("{before:.10e} -> {after:.10e}{}", ended.unwrap_or_default())
 }
 
 /// Jobs below each other.

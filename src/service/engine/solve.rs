@@ -412,7 +412,8 @@ fn solve_graph(
     let gauge = problem.frame(gauge);
     let certificate = SolveCertificate {
         closures: closures.filter(|closures| closures.judged > 0),
-        solve: solved.solve,
+        // What was before is the map, and not a start that the judging of closures made of its odometry.
+        solve: SolveSummary { initial_cost: solved.before.total, ..solved.solve },
         method: optimizer.method,
         linear_solver: SolverKind::SparseCholesky,
         before: solved.before,

@@ -58,6 +58,9 @@ enum SolvedMap {
     Before(LastRequest),
 }
 
+/// Iterations of the solve of a whole map that says no number: far more than it takes to converge.
+const MOST_ITERATIONS: usize = 1000;
+
 /// What is said where the certificate of a solve is lost.
 const LOST: &str = "applied before the server ended; of its certificate only the costs are kept";
 
@@ -129,7 +132,11 @@ pub(super) async fn optimize(
     request: &v1::OptimizeMapRequest,
 ) -> Result<Made, ServiceError> {
     let threads = run.context.maps.pool().threads();
-    let (map_id, options) = map_options(request, threads, None)?;
+    let (map_id, mut options) = map_options(request, threads, None)?;
+    // Nobody waits for a job, so that it goes on until it converges.
+    if request.options.as_ref().is_none_or(|options| options.max_iteration_count.is_none()) {
+        options.optimizer.max_iterations = MOST_ITERATIONS;
+    }
     let mut rows = Vec::new();
     let mut left = TimeLeft::new(options.optimizer.max_iterations);
     let on_step = |step| {
