@@ -87,6 +87,7 @@ mod rpc_bad_input;
 mod rpc_bad_priors;
 mod rpc_compression;
 mod rpc_edits;
+mod rpc_every_map;
 mod rpc_export;
 mod rpc_export_graph;
 mod rpc_gauge;

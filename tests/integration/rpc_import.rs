@@ -14,7 +14,7 @@ use crate::common::{
 use crate::durable::on_disk;
 use crate::sequence::adjusted;
 
-type File = (String, Vec<u8>);
+pub(crate) type File = (String, Vec<u8>);
 
 async fn export(server: &TestServer, map_id: &str, format: v1::MapFormat) -> Vec<File> {
     let request = v1::ExportMapRequest { map_id: map_id.to_owned(), format: format.into() };
@@ -30,7 +30,7 @@ async fn export(server: &TestServer, map_id: &str, format: v1::MapFormat) -> Vec
     files
 }
 
-fn header(map_id: &str, format: v1::MapFormat) -> v1::ImportMapHeader {
+pub(crate) fn header(map_id: &str, format: v1::MapFormat) -> v1::ImportMapHeader {
     v1::ImportMapHeader { map_id: map_id.to_owned(), format: format.into(), ..Default::default() }
 }
 
@@ -62,7 +62,7 @@ async fn send(server: &TestServer, messages: Vec<v1::ImportMapRequest>) -> Resul
     Ok(answer.into_inner().map.unwrap())
 }
 
-async fn import(
+pub(crate) async fn import(
     server: &TestServer,
     header: v1::ImportMapHeader,
     files: &[File],

@@ -8,7 +8,8 @@
 //!
 //! The journal accepts an event before the event changes the map, and makes it durable while the
 //! task continues. Steps run under `catch_unwind`: a panic poisons only this map. If it may have left
-//! an event half applied, the map is replayed from the journal.
+//! an event half applied, the map is replayed from the journal. A panic in a solve, a search or a background
+//! task has touched a copy alone, and costs no more than that work.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
@@ -427,13 +428,11 @@ impl Actor {
         self.watching.wake();
     }
 
-    /// What work on the pool came to; where it panicked, the map is poisoned.
-    pub(super) fn unless_panicked<T>(&mut self, ended: Result<T, SolvePanicked>) -> Option<T> {
-        let poisoned = |panicked: SolvePanicked| {
-            self.shared.meters.solve_panics.increment();
-            self.poison(&panicked.message)
-        };
-        ended.map_err(poisoned).ok()
+    /// Reports that work on the pool panicked. It has read a copy of the map, so that the map goes on
+    /// without what the work would have made.
+    pub(super) fn lost(&self, panicked: &SolvePanicked) -> EngineError {
+        self.shared.meters.solve_panics.increment();
+        report_bug(&panicked.message)
     }
 
     /// Poisons the map: ends streams and solves, and returns the bug that was reported.

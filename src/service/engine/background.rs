@@ -47,6 +47,8 @@ pub(super) struct Background {
     waits_for_journal: bool,
     /// Whether the whole map could not be adjusted since the last pose graph.
     gave_up: bool,
+    /// Whether a task has panicked: it would panic again, until the map is opened by a server without the bug.
+    is_off: bool,
     /// The keyframes of closures whose surroundings are to be adjusted.
     seams: VecDeque<[EntityId; 2]>,
 }
@@ -54,8 +56,9 @@ pub(super) struct Background {
 impl Background {
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>) -> Self {
         let (work, seams) = (Slot::new(pool, &shared.account), VecDeque::new());
-        let (may_be_due, waits_for_journal, gave_up) = (true, false, false);
-        Self { shared: Arc::clone(shared), work, may_be_due, waits_for_journal, gave_up, seams }
+        let (may_be_due, waits_for_journal, gave_up, is_off) = (true, false, false, false);
+        let shared = Arc::clone(shared);
+        Self { shared, work, may_be_due, waits_for_journal, gave_up, is_off, seams }
     }
 
     /// Whether nothing runs or is due.
@@ -73,7 +76,8 @@ impl Background {
     /// Whether places are to be compared or the map is to be adjusted.
     fn is_due(&self, map: &Map) -> bool {
         let is_adjustment_due = map.is_adjustment_due() && !self.gave_up;
-        map.policy().closure_adjustment
+        !self.is_off
+            && map.policy().closure_adjustment
             && (is_adjustment_due || map.uncompared_closures().next().is_some())
     }
 
@@ -106,7 +110,7 @@ impl Background {
     /// Starts the next task, if one is due.
     fn start(&mut self, map: &Arc<Map>, is_lock_step: bool) {
         self.may_be_due = false;
-        if !map.policy().closure_adjustment {
+        if self.is_off || !map.policy().closure_adjustment {
             return;
         }
         let closures: Vec<EntityId> = map.uncompared_closures().take(COMPARED_AT_ONCE).collect();
@@ -210,10 +214,18 @@ impl Actor {
     /// Handles the end of the background task.
     pub(super) async fn background_ended(
         &mut self,
-        ended: Result<((), Option<Done>), SolvePanicked>,
+        ((), ended): ((), Result<Option<Done>, SolvePanicked>),
     ) {
         self.background.may_be_due = true;
-        let Some(((), Some(done))) = self.unless_panicked(ended) else { return };
+        let done = match ended {
+            Ok(Some(done)) => done,
+            Ok(None) => return,
+            Err(panicked) => {
+                self.lost(&panicked);
+                self.background.is_off = true;
+                return;
+            }
+        };
         let change = match done {
             Done::Compared(mut comparisons) => {
                 comparisons.retain_mut(|comparison| self.map.keeps(comparison));

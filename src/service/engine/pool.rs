@@ -406,16 +406,18 @@ impl<R: Send + 'static, I> Slot<R, I> {
     }
 
     /// Resolves when the work has ended, with its result unless that is dropped; never if none runs.
-    pub(super) async fn ended(&mut self) -> Result<(I, Option<R>), SolvePanicked> {
+    pub(super) async fn ended(&mut self) -> (I, Result<Option<R>, SolvePanicked>) {
         if let Some(running) = &mut self.running {
             let answer = answered((&mut running.answer).await);
             if let Some(Started { info, is_stale, .. }) = self.running.take() {
-                let result = answer?;
-                if is_stale {
-                    self.pool.discard(result);
-                    return Ok((info, None));
-                }
-                return Ok((info, Some(result)));
+                let result = match answer {
+                    Ok(result) if is_stale => {
+                        self.pool.discard(result);
+                        Ok(None)
+                    }
+                    answer => answer.map(Some),
+                };
+                return (info, result);
             }
         }
         std::future::pending().await

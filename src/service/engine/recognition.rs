@@ -39,12 +39,15 @@ pub(super) struct Recognition {
     pub(super) work: Slot<Vec<SearchResult>>,
     /// Whether the journal has refused a change and has not moved since.
     waits_for_journal: bool,
+    /// Whether a search has panicked: it would panic again, until the map is opened by a server without the
+    /// bug.
+    is_off: bool,
 }
 
 impl Recognition {
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>) -> Self {
         let work = Slot::new(pool, &shared.account);
-        Self { shared: Arc::clone(shared), work, waits_for_journal: false }
+        Self { shared: Arc::clone(shared), work, waits_for_journal: false, is_off: false }
     }
 
     /// Whether nothing runs or is due.
@@ -54,11 +57,13 @@ impl Recognition {
 
     /// How many keyframes wait until their places are searched.
     pub(super) fn pending(&self, map: &Map) -> usize {
-        if map.policy().place_recognition { map.place_searches().pending.len() } else { 0 }
+        let is_on = map.policy().place_recognition && !self.is_off;
+        if is_on { map.place_searches().pending.len() } else { 0 }
     }
 
     fn is_due(&self, map: &Map) -> bool {
         !self.waits_for_journal
+            && !self.is_off
             && map.policy().place_recognition
             && !map.place_searches().pending.is_empty()
     }
@@ -166,9 +171,17 @@ impl Actor {
     /// Handles the end of a task.
     pub(super) async fn recognition_ended(
         &mut self,
-        ended: Result<((), Option<Vec<SearchResult>>), SolvePanicked>,
+        ((), ended): ((), Result<Option<Vec<SearchResult>>, SolvePanicked>),
     ) {
-        let Some(((), Some(found))) = self.unless_panicked(ended) else { return };
+        let found = match ended {
+            Ok(Some(found)) => found,
+            Ok(None) => return,
+            Err(panicked) => {
+                self.lost(&panicked);
+                self.recognition.is_off = true;
+                return;
+            }
+        };
         let (count, change) = match self.searched(&found).await {
             Ok(Some(change)) => change,
             Ok(None) => return,

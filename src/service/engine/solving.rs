@@ -286,10 +286,21 @@ impl Actor {
     /// Handles the end of the running solve.
     pub(super) async fn solved(
         &mut self,
-        ended: Result<(Running, Option<Outcome>), SolvePanicked>,
+        (running, ended): (Running, Result<Option<Outcome>, SolvePanicked>),
     ) {
-        let Some((running, outcome)) = self.unless_panicked(ended) else { return };
-        let Some(outcome) = outcome else { return self.shared.meters.superseded.increment() };
+        let outcome = match ended {
+            Ok(Some(outcome)) => outcome,
+            Ok(None) => return self.shared.meters.superseded.increment(),
+            Err(panicked) => {
+                let bug = self.lost(&panicked);
+                let report = SolveReport::Refused { reason: bug.to_string() };
+                self.optimized(&running.triggers, running.id, &report);
+                if running.is_job {
+                    self.solving.answer_job(Err(bug));
+                }
+                return;
+            }
+        };
         let (id, map) = (running.id, self.shared.name.clone());
         let answer = match (outcome, running.is_job) {
             (outcome, true) if !self.solving.commits_job() => {

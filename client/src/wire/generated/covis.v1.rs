@@ -6991,7 +6991,7 @@ pub mod optimization_service_client {
         ///  pieces, or has priors.
         /// * ABORTED: another OptimizeMap runs on the map.
         /// * UNIMPLEMENTED: refine_intrinsics, for now.
-        /// * INTERNAL: a bug; the map is poisoned.
+        /// * INTERNAL: a bug; the map stays as it is.
         pub async fn optimize_map(
             &mut self,
             request: impl tonic::IntoRequest<super::OptimizeMapRequest>,
@@ -7158,7 +7158,7 @@ pub mod optimization_service_server {
         ///  pieces, or has priors.
         /// * ABORTED: another OptimizeMap runs on the map.
         /// * UNIMPLEMENTED: refine_intrinsics, for now.
-        /// * INTERNAL: a bug; the map is poisoned.
+        /// * INTERNAL: a bug; the map stays as it is.
         async fn optimize_map(
             &self,
             request: tonic::Request<super::OptimizeMapRequest>,
