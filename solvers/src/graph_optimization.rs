@@ -72,8 +72,9 @@ pub struct Optimized {
     pub start: Start,
     /// How long the start took, where it was a stage of its own.
     pub start_seconds: Option<f64>,
-    /// Costs of the edges at their weights, zero without [`Options::costs`]: where closures are judged, at the
-    /// poses that the graph came with, if it came with some; else where the last solve started.
+    /// Costs at the poses that the graph came with, where closures are judged or the start is
+    /// [`Start::Given`], else where the last solve started; of the edges at their weights. Zero without
+    /// [`Options::costs`].
     pub before: CostReport,
     /// The same where it ended.
     pub after: CostReport,
@@ -159,8 +160,12 @@ impl Run<'_> {
         observer: &mut Observer<'_>,
     ) -> Result<Optimized, SolveError> {
         graph.hold_gauge();
+        let begins_there = self.options.judging.is_some() || self.options.start == Start::Given;
+        let came_with =
+            (has_poses && begins_there && self.options.costs).then(|| graph.poses.clone());
         if !graph.has_priors() {
-            return self.stages(graph, has_poses, observer);
+            let optimized = self.stages(graph, has_poses, observer)?;
+            return Ok(self.since(graph, came_with, optimized));
         }
         let mut verdicts = self.place(graph, has_poses)?;
         let all = graph.position_priors.clone();
@@ -169,11 +174,25 @@ impl Run<'_> {
             .position_priors
             .retain(|_| judged.next().is_none_or(|verdict| !verdict.is_switched_off));
         let optimized = self.stages(graph, true, observer);
+        let optimized = optimized.map(|optimized| self.since(graph, came_with, optimized));
         graph.position_priors = all;
         for (prior, verdict) in graph.position_priors.iter().zip(&mut verdicts) {
             verdict.chi2 = prior.chi2(&graph.poses[prior.pose]);
         }
         Ok(Optimized { positions: verdicts, ..optimized? })
+    }
+
+    /// With the costs of the poses that the graph came with, in place of those of a start that was made.
+    fn since<G: ReferencePose<N>, const N: usize>(
+        &self,
+        graph: &PoseGraph<G, N>,
+        came_with: Option<Vec<G>>,
+        optimized: Optimized,
+    ) -> Optimized {
+        let Some(poses) = came_with else { return optimized };
+        let closures = optimized.judged.as_ref().map_or(&[][..], |judged| &judged.closures);
+        let kept = PoseGraph { poses, ..robust::weighted(graph, closures) };
+        Optimized { before: self.cost(&kept), ..optimized }
     }
 
     fn cost<G: ReferencePose<N>, const N: usize>(&self, graph: &PoseGraph<G, N>) -> CostReport {
@@ -286,16 +305,12 @@ impl Run<'_> {
     ) -> Result<Optimized, SolveError> {
         let options = pose_graph::Options { optimizer: self.options.optimizer };
         let (start, rows) = ((self.options.start, has_poses), &mut ignore_iterations);
-        let mut given = if has_poses { graph.poses.clone() } else { Vec::new() };
+        let given = if graph.has_priors() { graph.poses.clone() } else { Vec::new() };
         let mut judged = robust::solve(graph, start, judging, &options, self.interrupt, rows)?;
         let mut kept = robust::weighted(graph, &judged.closures);
-        std::mem::swap(&mut kept.poses, &mut given);
-        let came_in = has_poses.then(|| self.cost(&kept));
-        std::mem::swap(&mut kept.poses, &mut given);
         let (solve, before, after, proof) = if self.options.certify {
             let proof = self.prove(&mut kept)?;
             let (solve, before) = self.last(&mut kept, observer)?;
-            let before = came_in.unwrap_or(before);
             let after = self.cost(&kept);
             graph.poses = kept.poses;
             for verdict in &mut judged.closures {
@@ -309,12 +324,20 @@ impl Run<'_> {
                 let _control = observer(row);
             }
             let after = self.cost(&kept);
-            // The poses of a start that was made are gone, but its cost is known, and it is of one kind.
+            // The poses of its start are gone, but its cost is known, and it is of one kind.
             let initial = judged.solve.initial_cost;
             let relative_pose = FactorCost { cost: initial, ..after.relative_pose };
-            let residuals = ResidualReport::default();
-            let of_start = CostReport { total: initial, relative_pose, residuals, ..after };
-            let before = if self.options.costs { came_in.unwrap_or(of_start) } else { after };
+            let before = match self.options.costs {
+                true if graph.has_priors() => {
+                    // It is of several kinds: they are counted where the judging began.
+                    self.cost(&PoseGraph { poses: given, ..kept })
+                }
+                true => {
+                    let residuals = ResidualReport::default();
+                    CostReport { total: initial, relative_pose, residuals, ..after }
+                }
+                false => after,
+            };
             (judged.solve.clone(), before, after, None)
         };
         let (start, judged) = (judged.start, Some(judged));

@@ -116,10 +116,11 @@ impl From<v1::Job> for Document {
 }
 
 fn not_converged(result: v1::JobResult) -> Option<String> {
-    use v1::Termination::{ConvergedFunction, ConvergedGradient, ConvergedParameter};
+    use v1::Termination::{ConvergedFunction, ConvergedGradient, ConvergedParameter, Unspecified};
     let Some(v1::job_result::Result::OptimizeMap(result)) = result.result else { return None };
     let summary = result.summary?;
-    let converged = [ConvergedFunction, ConvergedGradient, ConvergedParameter];
+    // Of a solve whose certificate is lost it is not known.
+    let converged = [ConvergedFunction, ConvergedGradient, ConvergedParameter, Unspecified];
     (!converged.contains(&summary.termination())).then_some(summary.description)
 }
 

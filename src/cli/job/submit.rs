@@ -43,7 +43,7 @@ pub(super) struct Args {
     /// path, several into this folder.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
-    /// optimize-map, optimize-pose-graph on a map: most iterations [default: 50].
+    /// optimize-map, optimize-pose-graph on a map: most iterations [default: until it converges].
     #[arg(long, value_name = "N")]
     max_iterations: Option<i32>,
     /// optimize-map on a map: free the cameras' intrinsics too; files always do.

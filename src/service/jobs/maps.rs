@@ -59,7 +59,7 @@ enum SolvedMap {
 }
 
 /// Iterations of the solve of a whole map that says no number: far more than it takes to converge.
-const MOST_ITERATIONS: usize = 1000;
+const UNTIL_CONVERGED: usize = 1000;
 
 /// What is said where the certificate of a solve is lost.
 const LOST: &str = "applied before the server ended; of its certificate only the costs are kept";
@@ -134,11 +134,12 @@ pub(super) async fn optimize(
     let threads = run.context.maps.pool().threads();
     let (map_id, mut options) = map_options(request, threads, None)?;
     // Nobody waits for a job, so that it goes on until it converges.
-    if request.options.as_ref().is_none_or(|options| options.max_iteration_count.is_none()) {
-        options.optimizer.max_iterations = MOST_ITERATIONS;
+    let asked = request.options.as_ref().and_then(|options| options.max_iteration_count);
+    if asked.is_none() {
+        options.optimizer.max_iterations = UNTIL_CONVERGED;
     }
     let mut rows = Vec::new();
-    let mut left = TimeLeft::new(options.optimizer.max_iterations);
+    let mut left = TimeLeft::new(asked.map(|_| options.optimizer.max_iterations));
     let on_step = |step| {
         let SolveStep::Iteration(row) = step else { return };
         let time_left_s = left.after(&row);

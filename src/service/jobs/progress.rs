@@ -63,22 +63,22 @@ impl StagesLeft {
 
 /// The estimate for one solve.
 pub(super) struct TimeLeft {
-    most: usize,
+    most: Option<usize>,
     last: Option<IterationSummary>,
     /// The share by which the last accepted step lowered the cost.
     decrease: Option<f64>,
 }
 
 impl TimeLeft {
-    /// For a solve of at most so many iterations.
-    pub(super) fn new(most: usize) -> Self {
+    /// For a solve of at most so many iterations, where that says how long it takes.
+    pub(super) fn new(most: Option<usize>) -> Self {
         Self { most, last: None, decrease: None }
     }
 
-    /// Seconds that are left after an iteration; `None` after the start.
+    /// Seconds that are left after an iteration; `None` after the start, and where nothing tells.
     pub(super) fn after(&mut self, row: &IterationSummary) -> Option<f64> {
         let last = self.last.replace(*row)?;
-        let left = self.most.saturating_sub(row.iteration) as f64;
+        let left = self.most.map(|most| most.saturating_sub(row.iteration) as f64);
         let mut iterations = left;
         if row.accepted && row.cost > 0.0 {
             let decrease = (last.cost - row.cost) / row.cost;
@@ -88,11 +88,11 @@ impl TimeLeft {
             {
                 let tolerance = Options::default().cost_tolerance;
                 let steps = (tolerance / decrease).ln() / (decrease / before).ln();
-                iterations = steps.max(0.0).ceil().min(left);
+                iterations = Some(steps.max(0.0).ceil().min(left.unwrap_or(f64::INFINITY)));
             }
         }
         let mean = row.seconds / row.iteration.max(1) as f64;
-        Some(mean * iterations)
+        iterations.map(|iterations| mean * iterations)
     }
 }
 
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_cost_that_falls_by_a_tenth_of_the_fall_before_ends_soon() {
-        let mut left = TimeLeft::new(100);
+        let mut left = TimeLeft::new(Some(100));
         assert_eq!(left.after(&row(0, 2.0, true)), None);
         assert_eq!(left.after(&row(1, 1.1, true)), Some(99.0), "nothing to compare with");
         // 1e-2, 1e-3, …: the step below 1e-10 is eight further.
@@ -144,5 +144,8 @@ mod tests {
         assert!((times[2] - 6.0).abs() <= 1.0 && (times[3] - 5.0).abs() <= 1.0, "{times:?}");
         // After a rejected step only the most iterations are known.
         assert_eq!(left.after(&row(6, cost, false)), Some(94.0));
+        let mut left = TimeLeft::new(None);
+        assert_eq!([2.0, 1.1].map(|cost| left.after(&row(0, cost, true))), [None, None]);
+        assert!(left.after(&row(2, 1.09, true)).is_some());
     }
 }

@@ -142,7 +142,7 @@ pub(super) async fn solve(
     let cancellation = Arc::clone(&context.cancellation);
     (context.tell)(&mut |progress| progress.phase = format!("solves {path}"));
     let tell = Arc::clone(&context.tell);
-    let mut left = TimeLeft::new(MOST_ITERATIONS);
+    let mut left = TimeLeft::new(Some(MOST_ITERATIONS));
     let mut stages = StagesLeft::default();
     let path = path.clone();
     let (rebuilds, solves) = (format!("rebuilds {path}"), format!("solves {path}"));
