@@ -29,7 +29,8 @@ pub(super) const TURN_BY_LENGTH: f64 = 0.003;
 pub(super) const TURN_BY_ANGLE: f64 = 0.01;
 /// What is left at no way at all, m and rad: two keyframes of one place are no better known.
 pub(super) const LEAST: (f64, f64) = (0.05, 0.02);
-/// A turn of a radian counts as much as this many meters where the shortest way is searched.
+/// A turn of a radian counts as much as a way of this length where the shortest one is searched, m; in a map
+/// that measures no lengths, in its unit.
 const METERS_PER_RADIAN: f64 = 1.0;
 
 /// A way from a keyframe to another one.

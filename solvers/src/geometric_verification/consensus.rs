@@ -212,6 +212,8 @@ pub(super) struct Projected {
     c12: f64,
     pub(super) c22: f64,
     pub(super) depth: f64,
+    /// From the camera.
+    pub(super) distance: f64,
 }
 
 impl Projected {
@@ -246,6 +248,7 @@ impl Projected {
             c12: entry(1, 2),
             c22: entry(2, 2),
             depth: p.z,
+            distance: p.norm(),
         })
     }
 

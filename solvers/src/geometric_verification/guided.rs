@@ -77,11 +77,11 @@ pub(super) fn search(
     best.pairs()
 }
 
-/// Whether a match with a point tells something of a pose: where it is in the image is known to some degrees,
-/// and it is about as large there as in the candidate's. Others match by chance, and one that
-/// is near to the camera may move a pose more than all that are right.
+/// Whether a match with a point tells something of a pose: where the point is in the image is known to some
+/// degrees, and it is about as large there as in the candidate's. Others match by chance, and one right before
+/// the camera may move a pose more than all that are right.
 fn is_telling(estimate: &PointEstimate, seen: &Projected, widest_spread: f64) -> bool {
-    let ratio = estimate.point.norm() / seen.depth;
+    let ratio = estimate.point.norm() / seen.distance;
     let is_as_large = (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio);
     is_as_large && seen.c00 + seen.c11 <= widest_spread * widest_spread
 }

@@ -11,6 +11,7 @@ use super::{Feature, Input};
 /// Features closer to each other than this share of the image have most of their patches in common: those
 /// of ORB are 31 of 640 pixels wide at the first level.
 const GRAIN: f64 = 1.0 / 64.0;
+
 /// The rectangle that features take: its lower corner and its size, each at least 1 px.
 pub(super) fn extent(features: &[Feature]) -> (Vector2<f64>, Vector2<f64>) {
     let (mut low, mut high) = (Vector2::repeat(f64::INFINITY), Vector2::repeat(-f64::INFINITY));

@@ -51,7 +51,7 @@ pub enum Refusal {
     },
     /// Landmarks match in one part of what the pose shows, and hardly beside it: a thing that exists twice.
     #[error(
-        "matches are as frequent as around {independent} inliers on {share:.2} of what the pose shows"
+        "on {share:.2} of what the pose shows matches are as frequent as around its {independent} inliers"
     )]
     Unexplained {
         /// Share of the landmarks that the pose has in the image.
