@@ -236,6 +236,12 @@ fn to_ack(ack: Ack, omit_summary: bool) -> v1::IngestAck {
                         description: error.to_string(),
                     });
                 }
+                SolveReport::Lost { bug } => {
+                    message.solve_failure = Some(v1::SolveFailure {
+                        reason: v1::ViolationReason::Unspecified.into(),
+                        description: bug.to_string(),
+                    });
+                }
                 SolveReport::Refused { reason } => {
                     message.solve_failure = Some(v1::SolveFailure {
                         reason: v1::ViolationReason::OutOfRange.into(),

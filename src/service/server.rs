@@ -451,6 +451,7 @@ fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
     }
     let fault = match name.as_str() {
         "panic-in-solve" => Fault::PanicInSolve,
+        "panic-in-background" => Fault::PanicInBackground,
         "impossible-result" => Fault::ImpossibleResult,
         "panic-in-engine" => Fault::PanicInEngine,
         "fail-calls" => Fault::FailCalls,

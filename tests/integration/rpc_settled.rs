@@ -107,6 +107,26 @@ fn a_place_that_is_still_to_be_searched_is_pending() {
 }
 
 #[test]
+fn a_map_goes_on_and_settles_where_searches_and_adjustments_hit_a_bug() {
+    run(async {
+        let server = TestServer::with_fault("panic-in-background").await;
+        let mut stream = room(&server, 5).await;
+        let client = client(&server).await;
+        stream.put(7, Item::Keyframe(described(5))).await;
+        let kind = v1::ConstraintKind::LoopClosure.into();
+        let closure = v1::RelativePoseConstraint { kind, ..relative_pose(0, 0, 4) };
+        stream.put(8, Item::RelativePose(closure)).await;
+        client.wait_settled("room").await.unwrap();
+        stream.put(9, Item::Keyframe(described(6))).await;
+        client.wait_settled("room").await.unwrap();
+        stream.finish().await.unwrap();
+        let map = client.get_map("room").await.unwrap();
+        assert_eq!(map.state(), v1::MapState::Open);
+        assert!(client.place_searches("room").await.unwrap().searches.is_empty());
+    });
+}
+
+#[test]
 fn an_adjustment_after_a_closure_is_pending_until_it_is_applied() {
     run(async {
         let server = TestServer::start().await;

@@ -9,7 +9,7 @@
 //! The journal accepts an event before the event changes the map, and makes it durable while the
 //! task continues. Steps run under `catch_unwind`: a panic poisons only this map. If it may have left
 //! an event half applied, the map is replayed from the journal. A panic in a solve, a search or a background
-//! task has touched a copy alone, and costs no more than that work.
+//! task that runs on the pool has touched a copy alone, and costs no more than that work.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;

@@ -17,9 +17,9 @@ use rayon::prelude::*;
 
 use super::actor::Actor;
 use super::handle::Shared;
-use super::pool::{Slot, SolvePanicked, SolverPool};
+use super::pool::{Ended, Slot, SolverPool};
 use super::solve::{OptimizeOptions, Outcome, Solution, solve_map, solve_window};
-use super::{EngineError, Estimate};
+use super::{EngineError, Estimate, Fault};
 use crate::map::{
     Change, Comparison, EntityId, Map, SolveKind, choose_window, find_duplicates, local_problem,
 };
@@ -47,7 +47,8 @@ pub(super) struct Background {
     waits_for_journal: bool,
     /// Whether the whole map could not be adjusted since the last pose graph.
     gave_up: bool,
-    /// Whether a task has panicked: it would panic again, until the map is opened by a server without the bug.
+    /// Whether a task has panicked: the next would most likely panic too, and none starts until the map is
+    /// opened anew.
     is_off: bool,
     /// The keyframes of closures whose surroundings are to be adjusted.
     seams: VecDeque<[EntityId; 2]>,
@@ -139,7 +140,11 @@ impl Background {
     }
 
     fn start_comparison(&mut self, map: Arc<Map>, closures: Vec<EntityId>) {
+        let panics = self.shared.config.injects(Fault::PanicInBackground);
         self.work.start((), Estimate::LONG, Arc::default(), move |cancel| {
+            if panics {
+                std::panic::panic_any("staged by a test");
+            }
             let interrupt = Interrupt::NEVER.or_when(Arc::clone(cancel));
             let find = |&closure: &EntityId| find_duplicates(&map, closure, &interrupt);
             Done::Compared(closures.par_iter().filter_map(find).collect())
@@ -212,15 +217,12 @@ impl Actor {
     }
 
     /// Handles the end of the background task.
-    pub(super) async fn background_ended(
-        &mut self,
-        ((), ended): ((), Result<Option<Done>, SolvePanicked>),
-    ) {
+    pub(super) async fn background_ended(&mut self, ((), ended): ((), Ended<Done>)) {
         self.background.may_be_due = true;
         let done = match ended {
-            Ok(Some(done)) => done,
-            Ok(None) => return,
-            Err(panicked) => {
+            Ended::Made(done) => done,
+            Ended::Dropped => return,
+            Ended::Panicked { panicked, .. } => {
                 self.lost(&panicked);
                 self.background.is_off = true;
                 return;

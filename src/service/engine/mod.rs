@@ -162,8 +162,10 @@ impl EngineConfig {
 /// A fault that tests inject; only a build with the feature `faults` can.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// Every solve panics.
+    /// Every solve panics that items or a request make due.
     PanicInSolve,
+    /// Every search for a place and every task that follows a loop closure panics.
+    PanicInBackground,
     /// The result of every solve has a pose that is no number.
     ImpossibleResult,
     /// The engine panics while it applies a client's item.

@@ -354,6 +354,20 @@ pub(super) struct Slot<R, I = ()> {
     running: Option<Started<R, I>>,
 }
 
+/// How work in a slot ended.
+pub(super) enum Ended<R> {
+    /// With a result.
+    Made(R),
+    /// Nobody wants its result any more.
+    Dropped,
+    /// By a bug.
+    Panicked {
+        panicked: SolvePanicked,
+        /// Whether nobody wanted its result any more.
+        is_stale: bool,
+    },
+}
+
 struct Started<R, I> {
     info: I,
     /// Whether the result is not wanted any more.
@@ -405,19 +419,20 @@ impl<R: Send + 'static, I> Slot<R, I> {
         self.running = None;
     }
 
-    /// Resolves when the work has ended, with its result unless that is dropped; never if none runs.
-    pub(super) async fn ended(&mut self) -> (I, Result<Option<R>, SolvePanicked>) {
+    /// Resolves when the work has ended; never if none runs.
+    pub(super) async fn ended(&mut self) -> (I, Ended<R>) {
         if let Some(running) = &mut self.running {
             let answer = answered((&mut running.answer).await);
             if let Some(Started { info, is_stale, .. }) = self.running.take() {
-                let result = match answer {
+                let ended = match answer {
                     Ok(result) if is_stale => {
                         self.pool.discard(result);
-                        Ok(None)
+                        Ended::Dropped
                     }
-                    answer => answer.map(Some),
+                    Ok(result) => Ended::Made(result),
+                    Err(panicked) => Ended::Panicked { panicked, is_stale },
                 };
-                return (info, result);
+                return (info, ended);
             }
         }
         std::future::pending().await

@@ -14,8 +14,8 @@ use covis_solvers::interrupt::Interrupt;
 use super::actor::Actor;
 use super::handle::Shared;
 use super::places::Places;
-use super::pool::{Slot, SolvePanicked, SolverPool};
-use super::{EngineError, Estimate, Resource};
+use super::pool::{Ended, Slot, SolverPool};
+use super::{EngineError, Estimate, Fault, Resource};
 use crate::loop_closing::{QueryView, excluded, find_loop_closure, not_indexed};
 use crate::map::{Change, Constraint, EntityId, Map, PlaceRefusal, PlaceSearch};
 
@@ -39,8 +39,8 @@ pub(super) struct Recognition {
     pub(super) work: Slot<Vec<SearchResult>>,
     /// Whether the journal has refused a change and has not moved since.
     waits_for_journal: bool,
-    /// Whether a search has panicked: it would panic again, until the map is opened by a server without the
-    /// bug.
+    /// Whether a search has panicked: the next would most likely panic too, and none starts until the map is
+    /// opened anew.
     is_off: bool,
 }
 
@@ -84,7 +84,11 @@ impl Recognition {
         due.sort_unstable();
         let (map, places) = (Arc::clone(map), Arc::clone(&self.shared.places));
         let meters = Arc::clone(&self.shared.meters);
+        let panics = self.shared.config.injects(Fault::PanicInBackground);
         self.work.start((), Estimate::LONG, Arc::default(), move |cancel| {
+            if panics {
+                std::panic::panic_any("staged by a test");
+            }
             let interrupt = Interrupt::NEVER.or_when(Arc::clone(cancel));
             // An index that lacks much, as after a restart, is made in several tasks: between two of them
             // other solves have their turns.
@@ -169,14 +173,11 @@ impl Actor {
     }
 
     /// Handles the end of a task.
-    pub(super) async fn recognition_ended(
-        &mut self,
-        ((), ended): ((), Result<Option<Vec<SearchResult>>, SolvePanicked>),
-    ) {
+    pub(super) async fn recognition_ended(&mut self, ((), ended): ((), Ended<Vec<SearchResult>>)) {
         let found = match ended {
-            Ok(Some(found)) => found,
-            Ok(None) => return,
-            Err(panicked) => {
+            Ended::Made(found) => found,
+            Ended::Dropped => return,
+            Ended::Panicked { panicked, .. } => {
                 self.lost(&panicked);
                 self.recognition.is_off = true;
                 return;

@@ -17,7 +17,7 @@ use covis_solvers::{bundle_adjustment, optimizer};
 
 use super::actor::Actor;
 use super::handle::Shared;
-use super::pool::{Slot, SolvePanicked, SolverPool};
+use super::pool::{Ended, Slot, SolverPool};
 use super::schedule::Schedule;
 use super::solve::{Job, Moved, Outcome, Solution, solve_whole, solve_window};
 use super::{
@@ -284,21 +284,23 @@ impl Actor {
     }
 
     /// Handles the end of the running solve.
-    pub(super) async fn solved(
-        &mut self,
-        (running, ended): (Running, Result<Option<Outcome>, SolvePanicked>),
-    ) {
+    pub(super) async fn solved(&mut self, (running, ended): (Running, Ended<Outcome>)) {
         let outcome = match ended {
-            Ok(Some(outcome)) => outcome,
-            Ok(None) => return self.shared.meters.superseded.increment(),
-            Err(panicked) => {
+            Ended::Made(outcome) => outcome,
+            Ended::Dropped => return self.shared.meters.superseded.increment(),
+            Ended::Panicked { panicked, is_stale } => {
                 let bug = self.lost(&panicked);
-                let report = SolveReport::Refused { reason: bug.to_string() };
-                self.optimized(&running.triggers, running.id, &report);
-                if running.is_job {
-                    self.solving.answer_job(Err(bug));
+                if is_stale {
+                    return self.shared.meters.superseded.increment();
                 }
-                return;
+                // What a request covers besides is solved by the map's own solves.
+                return match running.is_job {
+                    true => self.solving.answer_job(Err(bug)),
+                    false => {
+                        let report = SolveReport::Lost { bug };
+                        self.optimized(&running.triggers, running.id, &report);
+                    }
+                };
             }
         };
         let (id, map) = (running.id, self.shared.name.clone());

@@ -70,6 +70,11 @@ pub enum SolveReport {
         /// Names the variable or factor.
         error: SolveError,
     },
+    /// It hit a bug; the map keeps its estimates.
+    Lost {
+        /// With the id under which it was reported.
+        bug: EngineError,
+    },
     /// It ran, and its result is not possible; the map keeps its estimates.
     Refused {
         /// Names the entity.
