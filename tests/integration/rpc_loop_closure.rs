@@ -206,7 +206,8 @@ fn a_map_is_certified_on_request_and_says_what_is_off() {
         assert_eq!(result.keyframe_count, 2 * LAP);
         assert!(apart(&before, &server.watched("room").await) < 0.05);
         let summary = result.summary.unwrap();
-        assert!(summary.final_cost <= summary.initial_cost);
+        // The closure has optimized the map: both are at the optimum, to the tolerance of a solve.
+        assert!(summary.final_cost <= summary.initial_cost * (1.0 + 1e-6), "{summary:?}");
         // A bundle is nothing to certify.
         let bad = v1::OptimizeMapRequest {
             problem: v1::MapProblem::Full.into(),
