@@ -42,7 +42,7 @@ const EXPLAINED: f64 = 0.3;
 /// Least evidence of a pose: its independent inliers times the square of the share of what it shows that
 /// they explain. Four that explain all; where half of it is hidden or has no texture, sixteen. A thing that
 /// exists twice has many inliers, and explains little. Chosen on made rooms: the evidence of 14 poses by such
-/// a thing reached 3.4, and that of 4 % of 3,600 right ones is less than 4; on recorded images it is 5 to 30.
+/// a thing reached 3.4, and that of 4 % of 3,600 right ones is less than 4.
 const LEAST_EVIDENCE: f64 = 4.0;
 /// χ² of six degrees of freedom that one true closure in 10,000 exceeds.
 const IMPROBABLE: f64 = 27.86;

@@ -49,7 +49,7 @@ pub(super) fn search(
         let Some(seen) = Projected::new(input.camera, estimate, &b_from_a, &origin) else {
             continue;
         };
-        if !is_telling(estimate, &seen, widest_spread) {
+        if !is_informative(estimate, &seen, widest_spread) {
             continue;
         }
         // No error in u is longer than this within the gate, as far as the lens does not distort the
@@ -77,17 +77,17 @@ pub(super) fn search(
     best.pairs()
 }
 
-/// Whether a match with a point tells something of a pose: where the point is in the image is known to some
+/// Whether a match with a point constrains a pose: where the point is in the image is known to some
 /// degrees, and it is about as large there as in the candidate's. Others match by chance, and one right before
 /// the camera may move a pose more than all that are right.
-fn is_telling(estimate: &PointEstimate, seen: &Projected, widest_spread: f64) -> bool {
+fn is_informative(estimate: &PointEstimate, seen: &Projected, widest_spread: f64) -> bool {
     let ratio = estimate.point.norm() / seen.distance;
     let is_as_large = (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio);
     is_as_large && seen.c00 + seen.c11 <= widest_spread * widest_spread
 }
 
-/// Those of the pairs (point, feature) that tell something of a pose.
-pub(super) fn telling(
+/// Those of the pairs (point, feature) that constrain a pose.
+pub(super) fn informative(
     input: &Input<'_>,
     pairs: impl Iterator<Item = (usize, usize)>,
     pose: &Se3,
@@ -98,7 +98,7 @@ pub(super) fn telling(
     let is_kept = |&(point, _): &(usize, usize)| {
         let estimate = &input.points[point];
         Projected::new(input.camera, estimate, &b_from_a, &origin)
-            .is_some_and(|seen| is_telling(estimate, &seen, widest_spread))
+            .is_some_and(|seen| is_informative(estimate, &seen, widest_spread))
     };
     pairs.filter(is_kept).collect()
 }

@@ -205,7 +205,8 @@ fn verified(
     let mut all = weighted.clone();
     let mut found = best;
     for _ in 0..GUIDED_ROUNDS {
-        let inlying = guided::telling(input, found.inliers.iter().map(|&k| pairs[k]), &found.pose);
+        let inlying =
+            guided::informative(input, found.inliers.iter().map(|&k| pairs[k]), &found.pose);
         let further = guided::search(input, &inlying, &found.pose, likeness, options);
         // Matches that do not fit give way to those that do.
         pairs = inlying.iter().chain(&further).copied().collect();

@@ -75,7 +75,8 @@ impl TimeLeft {
         Self { most, last: None, decrease: None }
     }
 
-    /// Seconds that are left after an iteration; `None` after the start, and where nothing tells.
+    /// Seconds that are left after an iteration; `None` after the start, and where neither the
+    /// costs nor a number of iterations says it.
     pub(super) fn after(&mut self, row: &IterationSummary) -> Option<f64> {
         let last = self.last.replace(*row)?;
         let left = self.most.map(|most| most.saturating_sub(row.iteration) as f64);

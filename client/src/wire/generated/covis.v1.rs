@@ -2894,7 +2894,7 @@ impl AckStatus {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
 #[repr(i32)]
 pub enum ViolationReason {
-    /// Never answered.
+    /// Never the reason of an item's violation. Of a SolveFailure: the solve hit a bug.
     Unspecified = 0,
     /// A required field is absent or empty.
     Missing = 1,
