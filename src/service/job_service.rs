@@ -19,6 +19,9 @@ use crate::wire::v1;
 use v1::JobState;
 use v1::job_service_server::JobService;
 
+/// Most states of a list: there are fewer.
+const MOST_STATES: usize = 16;
+
 /// A required name of a job.
 fn job_id(job_id: &str) -> Result<String, ServiceError> {
     Ok(convert(|out| ids::name(Path::root("job_id"), job_id, out))?)
@@ -36,6 +39,8 @@ impl Rpcs {
                 ids::map_id(map_id, out)?;
             }
             let at = Path::root("states");
+            // There are six, and each job is compared with all that are named.
+            out.at_most(at, states, MOST_STATES)?;
             let mut known = Vec::new();
             for (index, &state) in states.iter().enumerate() {
                 let state = out.known::<JobState>(at.index(index), state)?;
@@ -44,6 +49,8 @@ impl Rpcs {
                 }
                 known.push(state);
             }
+            known.sort_unstable();
+            known.dedup();
             Some(known)
         })?;
         let list = PagedList::new("ListJobs", format!("{}/{map_id}/{states:?}", caller.tenant()));

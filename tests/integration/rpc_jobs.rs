@@ -433,6 +433,9 @@ fn lists_have_pages_and_filters() {
         check_field(&jobs.list(other).await.unwrap_err(), "page_token", "OUT_OF_RANGE");
         let unknown = v1::ListJobsRequest { states: vec![99], ..Default::default() };
         check_field(&jobs.list(unknown).await.unwrap_err(), "states[0]", "UNKNOWN_VALUE");
+        let states = vec![JobState::Running.into(); 17];
+        let many = v1::ListJobsRequest { states, ..Default::default() };
+        check_field(&jobs.list(many).await.unwrap_err(), "states", "TOO_LARGE");
         let large = v1::ListJobsRequest { page_size: 1001, ..Default::default() };
         check_field(&jobs.list(large).await.unwrap_err(), "page_size", "OUT_OF_RANGE");
     });

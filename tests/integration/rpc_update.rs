@@ -113,6 +113,8 @@ fn update_map_refuses_bad_requests() {
             (request(&[]), "update_mask", "MISSING"),
             (v1::UpdateMapRequest { update_mask: None, ..request(&[]) }, "update_mask", "MISSING"),
             (request(&["map_id"]), "update_mask", "UNKNOWN_VALUE"),
+            // Each stands for all fields.
+            (request(&["policy"; 65]), "update_mask", "TOO_LARGE"),
             (request(&["policy.color"]), "update_mask", "UNKNOWN_VALUE"),
             (request(&["policy."]), "update_mask", "UNKNOWN_VALUE"),
             (state(0), "state", "MISSING"),

@@ -305,13 +305,27 @@ pub enum IoError {
     },
 }
 
-/// The start of `bytes` for an error message, unreadable characters replaced.
+/// The start of `bytes` for an error message, characters replaced that are unreadable or that turn the direction
+/// of what a terminal prints behind them.
 pub(crate) fn excerpt(bytes: &[u8]) -> String {
     const LIMIT: usize = 40;
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(LIMIT)]);
-    let mut text: String = text.chars().map(|c| if c.is_control() { '?' } else { c }).collect();
+    let is_direction = |c: char| matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let is_printed = |c: char| !c.is_control() && !is_direction(c);
+    let mut text: String = text.chars().map(|c| if is_printed(c) { c } else { '?' }).collect();
     if bytes.len() > LIMIT {
         text.push('…');
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_excerpt_has_nothing_that_turns_a_terminal() {
+        assert_eq!(excerpt("a\u{1b}[31m\u{202e}b\u{2066}".as_bytes()), "a?[31m?b?");
+        assert_eq!(excerpt("żółw".as_bytes()), "żółw");
+    }
 }

@@ -84,6 +84,9 @@ const FIELDS: [Field; 22] = [
     field!(geodetic_anchor, geodetic_anchor),
 ];
 
+/// Most paths of a mask: more than there are fields.
+const MOST_PATHS: usize = 64;
+
 /// The change that a request asks for.
 pub(in crate::service) fn update(
     request: &v1::UpdateMapRequest,
@@ -93,6 +96,8 @@ pub(in crate::service) fn update(
     let at = Path::root("update_mask");
     let paths = request.update_mask.as_ref().map_or(&[][..], |mask| &mask.paths[..]);
     out.not_empty(at, paths);
+    // A path may stand for all fields.
+    out.at_most(at, paths, MOST_PATHS)?;
     let mut update = MapUpdate::default();
     let mut fields = Vec::new();
     let mut is_read = true;
