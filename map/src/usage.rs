@@ -15,7 +15,7 @@ use super::covisibility::NEAREST;
 use super::place_searches::SEARCH;
 use super::{
     CameraEntity, Change, Client, Constraint, Descriptor, DescriptorKind, Digest, EntityId,
-    Keyframe, Landmark, Map, NewLandmark, Observation, Prior, SwitchedOff,
+    Keyframe, Landmark, Map, MergedClient, MergedMap, NewLandmark, Observation, Prior, SwitchedOff,
 };
 
 /// One value for each kind of what maps hold.
@@ -209,6 +209,10 @@ const LONG_OBSERVER: u64 = 2 * size_of::<(i64, EntityId)>() as u64;
 const DESCRIPTOR: u64 = 80;
 /// Observers of a landmark that has the most without such a list.
 const NOT_LONG: usize = NEAREST + 1;
+/// A map that became part of this one, with its names.
+const MERGED: u64 = size_of::<MergedMap>() as u64 + 320;
+/// A client that came with it, with its name there.
+const MERGED_CLIENT: u64 = size_of::<MergedClient>() as u64 + 64;
 /// The digest of a client's item with its sequence.
 const ITEM: u64 = (3 * (size_of::<i64>() + size_of::<Digest>()) / 2) as u64;
 
@@ -281,6 +285,7 @@ impl Map {
             + priors * PRIOR
             + self.duplicates().len() as u64 * DUPLICATE
             + self.place_searches().bytes()
+            + self.merged().iter().map(|merged| merged_bytes(&merged.clients)).sum::<u64>()
             + self.covisibility.entry_count() * SHARED_PAIR
             + self.covisibility.long_count() * LONG_OBSERVER;
         Usage { clients, cameras, keyframes, landmarks, observations, constraints, priors, bytes }
@@ -345,7 +350,9 @@ impl Map {
             Change::LandmarksFused { kept, absorbed } => {
                 NEW_ITEM + self.growth_by_fusing(*kept, absorbed)
             }
-            Change::MapMerged { merge } => merge.content.usage(),
+            Change::MapMerged { merge } => {
+                merge.content.usage() + Usage { bytes: merged_bytes(&merge.clients), ..NOTHING }
+            }
             Change::MapTakenOut { .. }
             | Change::Created { .. }
             | Change::ClientOpened { .. }
@@ -390,6 +397,11 @@ impl Map {
         }
         growth_by(observations, neighbors.min(self.keyframes().len()) as u64, long)
     }
+}
+
+/// Memory of what is kept of a merge with these clients.
+fn merged_bytes(clients: &[MergedClient]) -> u64 {
+    MERGED + clients.len() as u64 * MERGED_CLIENT
 }
 
 /// Of so many new landmarks.

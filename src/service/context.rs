@@ -23,12 +23,13 @@ use tracing::Instrument;
 use super::access::Access;
 use super::config::ServerConfig;
 use super::connections::Connections;
-use super::convert::map::ServerLimits;
-use super::engine::{EngineError, Maps, panic_message};
+use super::convert::map::{ServerLimits, to_map};
+use super::engine::{EngineError, MapInfo, Maps, panic_message};
 use super::error::ServiceError;
 use super::jobs::Jobs;
 use super::readers::Readers;
 use super::telemetry::ServerMeters;
+use crate::wire::v1;
 
 /// Most small messages that wait for a slow reader of a stream.
 const STREAM_QUEUE: usize = 8;
@@ -247,6 +248,15 @@ impl Context {
             }
             Err(_canceled) => Err(ServiceError::Engine(EngineError::ShuttingDown)),
         }
+    }
+
+    /// The message of a map.
+    ///
+    /// # Errors
+    /// [`ServiceError`] where the server ends.
+    pub(super) async fn shown(&self, info: MapInfo) -> Result<v1::Map, ServiceError> {
+        let queued = self.config.engine.queue_capacity;
+        Self::blocking(move || Ok(to_map(&info, queued))).await
     }
 }
 

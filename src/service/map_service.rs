@@ -11,7 +11,7 @@ use tonic::{Request, Response, Status, Streaming};
 use super::access::{Caller, change, shown};
 use super::connections::Peer;
 use super::context::{Answers, Context, Messages, Rpcs};
-use super::convert::map::{display_name, policy, to_hints, to_map};
+use super::convert::map::{display_name, policy, to_hints};
 use super::convert::{Path, convert, ids, merge, update};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{EngineError, Estimate, MapHandle, PoolError, Resource};
@@ -39,7 +39,7 @@ impl Rpcs {
         })?;
         let name = caller.engine_name(&map_id);
         let info = self.context.maps.create(&name, &display_name, policy).await?;
-        Ok(v1::CreateMapResponse { map: Some(to_map(&info, limits.queued_items)) })
+        Ok(v1::CreateMapResponse { map: Some(self.context.shown(info).await?) })
     }
 
     async fn update(
@@ -51,7 +51,7 @@ impl Rpcs {
         let map = self.map(&caller, &request.map_id).await?;
         let update = convert(|out| update::update(&request, &limits, out))?;
         let info = map.update(update).await?;
-        Ok(v1::UpdateMapResponse { map: Some(to_map(&info, limits.queued_items)) })
+        Ok(v1::UpdateMapResponse { map: Some(self.context.shown(info).await?) })
     }
 
     async fn list(
@@ -62,7 +62,6 @@ impl Rpcs {
         let list = listing::PagedList::new("ListMaps", caller.tenant());
         let v1::ListMapsRequest { page_size, page_token } = request.get_ref();
         let (size, after) = listing::page(*page_size, page_token, &list)?;
-        let queued = self.context.config.engine.queue_capacity;
         let mut handles = self.context.maps.list();
         handles.retain(|map| caller.owns(map.name()) && shown(map.name()) > after.as_str());
         let (mut maps, mut bytes) = (Vec::new(), 0);
@@ -73,7 +72,7 @@ impl Rpcs {
             let name = shown(handle.name()).to_owned();
             match handle.listed().await {
                 Ok(info) => {
-                    let map = to_map(&info, queued);
+                    let map = self.context.shown(info).await?;
                     let length = map.encoded_len() + listing::ENTRY_OVERHEAD;
                     if !maps.is_empty() && bytes + length > listing::MESSAGE_BYTES {
                         more = true;
@@ -129,7 +128,9 @@ impl Rpcs {
         let merged = self.context.maps.merge(merge, cancel.interrupt(deadline)).await;
         let merged = merged.map_err(ServiceError::from);
         change("MergeMaps", &caller, peer, &map_id, &merged);
-        Ok(merge::to_response(&merged?, self.context.config.engine.queue_capacity))
+        let merged = merged?;
+        let map = self.context.shown(merged.map.clone()).await?;
+        Ok(merge::to_response(&merged, map))
     }
 
     async fn undo(
@@ -147,9 +148,8 @@ impl Rpcs {
         let undone = undone.map_err(ServiceError::from);
         change("UndoMerge", &caller, peer, &source, &undone);
         let (map, source) = undone?;
-        let queued = self.context.config.engine.queue_capacity;
-        let (map, source) = (Some(to_map(&map, queued)), Some(to_map(&source, queued)));
-        Ok(v1::UndoMergeResponse { map, source })
+        let (map, source) = (self.context.shown(map).await?, self.context.shown(source).await?);
+        Ok(v1::UndoMergeResponse { map: Some(map), source: Some(source) })
     }
 
     async fn map(&self, caller: &Caller, map_id: &str) -> Result<MapHandle, ServiceError> {
@@ -192,13 +192,12 @@ impl MapService for Rpcs {
         let handler = async {
             let caller = Caller::of(&request)?;
             let info = self.map(&caller, &request.get_ref().map_id).await?.info().await?;
-            let queued = self.context.config.engine.queue_capacity;
             let snapshot = Arc::clone(&info.snapshot);
-            let hints = Context::blocking(move || Ok(to_hints(&snapshot))).await?;
-            let map = Some(v1::Map { hints, ..to_map(&info, queued) });
+            let of_hints = Arc::clone(&snapshot);
+            let hints = Context::blocking(move || Ok(to_hints(&of_hints))).await?;
+            let map = Some(v1::Map { hints, ..self.context.shown(info).await? });
             let mut answer = v1::GetMapResponse { map, ..v1::GetMapResponse::default() };
             if request.get_ref().include_digests {
-                let snapshot = info.snapshot;
                 let digests = move || Ok((snapshot.content_hash(), snapshot.keyframe_ids_digest()));
                 let (state, ids) = Context::blocking(digests).await?;
                 answer.state_hash = state.to_vec();

@@ -19,6 +19,11 @@ use crate::wire::v1;
 /// Longest display name, bytes.
 const MAX_DISPLAY_NAME: usize = 256;
 
+/// Most merged maps in an answer, and most names of clients in all of them. Maps that were merged one into
+/// the other name the same clients again and again, and a map must fit a message of 4 MiB.
+const MERGED_MAPS: usize = 1024;
+const MERGED_CLIENTS: usize = 4096;
+
 /// The limits of the server, which a map's can only lower.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::service) struct ServerLimits {
@@ -220,7 +225,7 @@ pub(in crate::service) fn to_state(state: MapState) -> v1::MapState {
     }
 }
 
-/// The message of a map.
+/// The message of a map. Passes over all landmarks, so that no thread that answers calls may make it.
 pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map {
     let map = &info.snapshot;
     v1::Map {
@@ -237,9 +242,10 @@ pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map
         uid: info.uid.clone(),
         adjustment_due: map.is_adjustment_due() && map.policy().closure_adjustment,
         state_reason: info.trouble.clone().map(reason_of).unwrap_or_default(),
-        merged_maps: map.merged().iter().map(|merged| to_merged(map, merged)).collect(),
+        merged_maps: to_merged_maps(map),
         pending_work: Some(to_pending_work(&info.pending)),
         hints: Vec::new(),
+        merged_map_count: count(map.merged().len()),
     }
 }
 
@@ -279,13 +285,22 @@ fn reason_of(error: EngineError) -> String {
     tonic::Status::from(ServiceError::Engine(error)).message().to_owned()
 }
 
-fn to_merged(map: &Map, merged: &MergedMap) -> v1::MergedMap {
-    let clients = merged.clients.iter().filter_map(|client| map.client(client.index));
+/// The last merges, with equal shares of the names.
+fn to_merged_maps(map: &Map) -> Vec<v1::MergedMap> {
+    let all = map.merged();
+    let last = &all[all.len().saturating_sub(MERGED_MAPS)..];
+    let names = MERGED_CLIENTS / last.len().max(1);
+    last.iter().map(|merged| to_merged(map, merged, names)).collect()
+}
+
+fn to_merged(map: &Map, merged: &MergedMap, names: usize) -> v1::MergedMap {
+    let clients = merged.clients.iter().take(names).filter_map(|client| map.client(client.index));
     v1::MergedMap {
         map_id: shown(&merged.name).to_owned(),
         target_from_source: Some(to_rigid_transform(&merged.target_from_source.rigid())),
         client_ids: clients.map(|client| client.name.clone()).collect(),
         scale: merged.target_from_source.scale,
+        client_count: count(merged.clients.len()),
     }
 }
 

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use super::geometry::{information, rigid_transform, to_rigid_transform};
 use super::ids::{keyframe_ref, name};
-use super::map::to_map;
 use super::{Path, Violations, all, count};
 use crate::map::{EntityRef, Reason};
 use crate::service::access::Caller;
@@ -72,13 +71,13 @@ pub(in crate::service) fn merge(
     })
 }
 
-/// The answer; `queued_items` as in [`to_map`].
+/// The answer, with the message of the target.
 pub(in crate::service) fn to_response(
     outcome: &MergeOutcome,
-    queued_items: usize,
+    map: v1::Map,
 ) -> v1::MergeMapsResponse {
     v1::MergeMapsResponse {
-        map: Some(to_map(&outcome.map, queued_items)),
+        map: Some(map),
         target_from_source: Some(to_rigid_transform(&outcome.target_from_source.rigid())),
         closure_count: count(outcome.closures),
         scale: outcome.target_from_source.scale,

@@ -1,6 +1,11 @@
 //! Conversions there and back, field paths, and that all violations are reported.
 
-use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Snavely};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use covis_solvers::geometry::{
+    Camera, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely,
+};
 use covis_solvers::loss::Loss;
 use nalgebra::Vector3;
 
@@ -10,10 +15,12 @@ use super::geometry::{
     to_upper_triangle,
 };
 use super::item::{digest, item};
+use super::map::to_map;
 use super::solve::{Systems, loss, options, to_loss};
 use super::time::{nanoseconds, timestamp};
 use super::{Path, Violations, convert};
-use crate::map::{CameraEntity, Item, Reason};
+use crate::map::{CameraEntity, Change, Event, Item, Map, MapPolicy, Reason};
+use crate::service::engine::{MapInfo, MapState, PendingWork};
 use crate::wire::v1;
 use v1::ingest_request::Item as WireItem;
 
@@ -301,4 +308,46 @@ fn an_edit_names_another_client_s_camera_and_an_empty_name_is_the_sender() {
     };
     assert_eq!(owner(set("")), (None, 3));
     assert_eq!(owner(set("drone")), (Some("drone".to_owned()), 3));
+}
+
+#[test]
+fn a_map_of_many_merges_is_answered_in_one_message() {
+    let push = |map: &mut Map, change| {
+        let event = Event { revision: map.revision() + 1, time_ns: 0, cause: None, change };
+        map.apply(&event).unwrap();
+    };
+    let empty = |clients: u32, prefix: &str| {
+        let (mut map, policy) = (Map::new(), MapPolicy::default());
+        let display_name = String::new();
+        push(&mut map, Change::Created { policy, create_time_ns: 1, display_name });
+        for client in 0..clients {
+            let name = format!("{prefix}-{client:0>50}");
+            push(&mut map, Change::ClientOpened { name, epoch: 1 });
+        }
+        map
+    };
+    // Each is merged into the next, so that each merge has the clients of all before it.
+    let (mut map, mut bytes) = (empty(1000, "robot"), 0);
+    for floor in 0..20 {
+        let mut target = empty(1, &format!("floor-{floor}"));
+        let from = (&*format!("floor-{floor}"), &map);
+        let merge = target.merge_of(from, Se3::identity(), &BTreeMap::new(), &[]).unwrap();
+        push(&mut target, Change::MapMerged { merge: Box::new(merge) });
+        map = target;
+        let before = std::mem::replace(&mut bytes, map.usage().bytes);
+        assert!(bytes > before + 1000 * 64, "what a merge keeps is counted");
+    }
+    let info = MapInfo {
+        name: "house".to_owned(),
+        uid: String::new(),
+        snapshot: Arc::new(map),
+        state: MapState::Open,
+        trouble: None,
+        pending: PendingWork::default(),
+    };
+    let message = to_map(&info, 1);
+    assert_eq!((message.merged_map_count, message.merged_maps.len()), (20, 20));
+    assert!(message.merged_maps.iter().all(|merged| merged.client_count >= 1000));
+    let names: usize = message.merged_maps.iter().map(|merged| merged.client_ids.len()).sum();
+    assert!((2000..=4096).contains(&names), "{names} names");
 }

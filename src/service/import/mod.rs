@@ -15,7 +15,7 @@ use self::upload::{Import, Pipe, files, one_file, pipe};
 use super::access::Caller;
 use super::context::Context;
 use super::convert::map::{
-    ServerLimits, display_name, kept_display_name, policy, to_limits, to_map, to_policy,
+    ServerLimits, display_name, kept_display_name, policy, to_limits, to_policy,
 };
 use super::convert::{Path, convert, ids};
 use super::engine::{EngineError, ImportRoom, ImportedAs};
@@ -76,7 +76,7 @@ pub(super) async fn import(
         }
     };
     let info = context.maps.import(room, &name, content, imported).await?;
-    Ok(v1::ImportMapResponse { map: Some(to_map(&info, limits.queued_items)) })
+    Ok(v1::ImportMapResponse { map: Some(context.shown(info).await?) })
 }
 
 fn header(

@@ -1307,7 +1307,8 @@ pub struct Map {
     /// the next closure; false where MapPolicy.closure_adjustment is. Output only.
     #[prost(bool, tag = "12")]
     pub adjustment_due: bool,
-    /// The maps that became part of it, in the order of the merges. Output only.
+    /// The maps that became part of it, in the order of the merges; of more than 1,024 the last ones, see
+    /// merged_map_count. Output only.
     #[prost(message, repeated, tag = "13")]
     pub merged_maps: ::prost::alloc::vec::Vec<MergedMap>,
     /// What the server still does to the map by itself. Absent in answers of earlier servers. Output only.
@@ -1321,6 +1322,9 @@ pub struct Map {
     /// journal cannot be read, with its kind and the reason. Empty in every other state. Output only.
     #[prost(string, tag = "16")]
     pub state_reason: ::prost::alloc::string::String,
+    /// How many maps became part of it. Absent (0) in answers of earlier servers. Output only.
+    #[prost(int64, tag = "17")]
+    pub merged_map_count: i64,
 }
 impl ::prost::Name for Map {
     const NAME: &'static str = "Map";
@@ -1394,13 +1398,17 @@ pub struct MergedMap {
     /// Pose of its world frame in that of the map, as it was at the merge.
     #[prost(message, optional, tag = "2")]
     pub target_from_source: ::core::option::Option<RigidTransform>,
-    /// The clients that came with it, by their names in the map.
+    /// The clients that came with it, by their names in the map; of very many the first ones, see
+    /// client_count.
     #[prost(string, repeated, tag = "3")]
     pub client_ids: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
     /// Length in the map of a unit of length of the merged map, as it was at the merge, greater than 0:
     /// point_in_map = target_from_source * (scale * point). Absent (0) in answers of earlier servers: 1.
     #[prost(double, tag = "4")]
     pub scale: f64,
+    /// How many clients came with it. Absent (0) in answers of earlier servers.
+    #[prost(int64, tag = "5")]
+    pub client_count: i64,
 }
 impl ::prost::Name for MergedMap {
     const NAME: &'static str = "MergedMap";

@@ -74,7 +74,7 @@ LANDMARK_STATE_UNPOSITIONED: LandmarkState
 LANDMARK_STATE_POSITIONED: LandmarkState
 
 class Map(_message.Message):
-    __slots__ = ("map_id", "display_name", "policy", "state", "create_time", "update_time", "revision", "counts", "landmark_bounds", "clients", "uid", "adjustment_due", "merged_maps", "pending_work", "hints", "state_reason")
+    __slots__ = ("map_id", "display_name", "policy", "state", "create_time", "update_time", "revision", "counts", "landmark_bounds", "clients", "uid", "adjustment_due", "merged_maps", "pending_work", "hints", "state_reason", "merged_map_count")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     DISPLAY_NAME_FIELD_NUMBER: _ClassVar[int]
     POLICY_FIELD_NUMBER: _ClassVar[int]
@@ -91,6 +91,7 @@ class Map(_message.Message):
     PENDING_WORK_FIELD_NUMBER: _ClassVar[int]
     HINTS_FIELD_NUMBER: _ClassVar[int]
     STATE_REASON_FIELD_NUMBER: _ClassVar[int]
+    MERGED_MAP_COUNT_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     display_name: str
     policy: MapPolicy
@@ -107,7 +108,8 @@ class Map(_message.Message):
     pending_work: PendingWork
     hints: _containers.RepeatedCompositeFieldContainer[MapHint]
     state_reason: str
-    def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[MapPolicy, _Mapping]] = ..., state: _Optional[_Union[MapState, str]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., revision: _Optional[int] = ..., counts: _Optional[_Union[MapCounts, _Mapping]] = ..., landmark_bounds: _Optional[_Union[_geometry_pb2.Bounds3, _Mapping]] = ..., clients: _Optional[_Iterable[_Union[MapClient, _Mapping]]] = ..., uid: _Optional[str] = ..., adjustment_due: bool = ..., merged_maps: _Optional[_Iterable[_Union[MergedMap, _Mapping]]] = ..., pending_work: _Optional[_Union[PendingWork, _Mapping]] = ..., hints: _Optional[_Iterable[_Union[MapHint, _Mapping]]] = ..., state_reason: _Optional[str] = ...) -> None: ...
+    merged_map_count: int
+    def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[MapPolicy, _Mapping]] = ..., state: _Optional[_Union[MapState, str]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., revision: _Optional[int] = ..., counts: _Optional[_Union[MapCounts, _Mapping]] = ..., landmark_bounds: _Optional[_Union[_geometry_pb2.Bounds3, _Mapping]] = ..., clients: _Optional[_Iterable[_Union[MapClient, _Mapping]]] = ..., uid: _Optional[str] = ..., adjustment_due: bool = ..., merged_maps: _Optional[_Iterable[_Union[MergedMap, _Mapping]]] = ..., pending_work: _Optional[_Union[PendingWork, _Mapping]] = ..., hints: _Optional[_Iterable[_Union[MapHint, _Mapping]]] = ..., state_reason: _Optional[str] = ..., merged_map_count: _Optional[int] = ...) -> None: ...
 
 class PendingWork(_message.Message):
     __slots__ = ("unoptimized_item_count", "place_search_count", "closure_adjustment", "optimization")
@@ -132,16 +134,18 @@ class MapHint(_message.Message):
     def __init__(self, kind: _Optional[_Union[MapHintKind, str]] = ..., client_id: _Optional[str] = ..., text: _Optional[str] = ...) -> None: ...
 
 class MergedMap(_message.Message):
-    __slots__ = ("map_id", "target_from_source", "client_ids", "scale")
+    __slots__ = ("map_id", "target_from_source", "client_ids", "scale", "client_count")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     TARGET_FROM_SOURCE_FIELD_NUMBER: _ClassVar[int]
     CLIENT_IDS_FIELD_NUMBER: _ClassVar[int]
     SCALE_FIELD_NUMBER: _ClassVar[int]
+    CLIENT_COUNT_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     target_from_source: _geometry_pb2.RigidTransform
     client_ids: _containers.RepeatedScalarFieldContainer[str]
     scale: float
-    def __init__(self, map_id: _Optional[str] = ..., target_from_source: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., client_ids: _Optional[_Iterable[str]] = ..., scale: _Optional[float] = ...) -> None: ...
+    client_count: int
+    def __init__(self, map_id: _Optional[str] = ..., target_from_source: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., client_ids: _Optional[_Iterable[str]] = ..., scale: _Optional[float] = ..., client_count: _Optional[int] = ...) -> None: ...
 
 class MapCounts(_message.Message):
     __slots__ = ("camera_count", "rig_count", "keyframe_count", "landmark_count", "positioned_landmark_count", "observation_count", "constraint_count", "size_bytes", "switched_off_constraint_count")
