@@ -13,6 +13,7 @@ use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde_json::json;
 use tokio::sync::mpsc;
 
+use super::entry::files_bytes;
 use super::progress::{StagesLeft, TimeLeft};
 use super::reading::admit;
 use super::run::{Made, Run, add_file, next_output, pause};
@@ -223,7 +224,7 @@ pub(super) async fn merge(
     let merged = merged.map_err(ServiceError::from);
     change("MergeMaps", &run.caller, None, &map_id, &merged);
     let merged = merged?;
-    let response = merging::to_response(&merged, context.config.engine.queue_capacity);
+    let response = merging::to_response(&merged, context.shown(merged.map.clone()).await?);
     let report = json!({
         "source": map_id,
         "target": request.target_map_id,
@@ -259,9 +260,11 @@ pub(super) async fn compact(
         "size_bytes_after": after.usage().bytes,
         "journal_dropped": drop_journal,
     });
+    let counts = Context::blocking(move || Ok((to_counts(&before), to_counts(&after))));
+    let (counts_before, counts_after) = counts.await?;
     let result = v1::CompactMapResult {
-        counts_before: Some(to_counts(&before)),
-        counts_after: Some(to_counts(&after)),
+        counts_before: Some(counts_before),
+        counts_after: Some(counts_after),
         retired_keyframe_count: count(retired),
     };
     Ok(Made::new(Kind::CompactMap(result), report))
@@ -381,7 +384,7 @@ pub(super) async fn export(
         let (entry, cancellation) = (Arc::clone(run.entry), Arc::clone(&run.entry.cancellation));
         run.reserve(FILE_BYTES)?;
         let written = Context::blocking(move || {
-            let (mut size, mut refused) = (0_u64, None);
+            let (mut size, mut grown, mut refused) = (0_u64, 0_u64, None);
             let written = files.write(&uid, file, |out| {
                 loop {
                     let made = match export.next_chunk() {
@@ -397,6 +400,7 @@ pub(super) async fn export(
                         refused = Some(error.into());
                         return Err(std::io::ErrorKind::QuotaExceeded.into());
                     }
+                    grown += length;
                     out.write_all(&made.data)?;
                     size += length;
                     if made.last_chunk {
@@ -404,11 +408,14 @@ pub(super) async fn export(
                     }
                 }
             });
-            match (refused, written) {
-                (Some(error), _) => Err(error),
-                (None, Err(error)) => Err(JobError::from(error).into()),
-                (None, Ok(_)) => Ok((size, export)),
-            }
+            let error = match (refused, written) {
+                (None, Ok(_)) => return Ok((size, export)),
+                (Some(error), _) => error,
+                (None, Err(error)) => JobError::from(error).into(),
+            };
+            // It may be tried again.
+            entry.shrink(FILE_BYTES + grown);
+            Err(error)
         });
         let size;
         (size, export) = written.await?;
@@ -428,8 +435,10 @@ pub(super) async fn export(
 
 /// Takes the files of an earlier attempt out of the record.
 async fn forget_files(run: &Run<'_>) -> Result<(), ServiceError> {
-    if run.entry.files().is_empty() {
-        return Ok(());
-    }
-    run.change(|job, _| job.files.clear()).await
+    let files = run.entry.files();
+    // The report is the first file, which is written after them.
+    let Some((_report, made)) = files.split_first() else { return Ok(()) };
+    run.change(|job, _| job.files.clear()).await?;
+    run.entry.shrink(files_bytes(made));
+    Ok(())
 }

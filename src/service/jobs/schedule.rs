@@ -15,7 +15,7 @@ use tokio::task::JoinSet;
 
 use super::answer;
 use super::entry::{Entry, JobReservations, files_bytes, is_ended, new_bytes, on_disk};
-use super::uploads::{Waiting, counted};
+use super::uploads::{FILE_BYTES, Waiting, counted};
 use super::{Context, JobError, Jobs, run, spec};
 use crate::service::access::Caller;
 use crate::service::engine::{Resource, Turn};
@@ -175,7 +175,7 @@ impl Jobs {
 
     /// Resumes a job after a restart: one that was running waits for its turn again.
     fn restored(&self, job: OnDisk, context: &Context) -> Arc<Entry> {
-        let OnDisk { folder, record, mut job, done, upload } = job;
+        let OnDisk { folder, record, mut job, done, upload, part_bytes } = job;
         let caller = Caller::of_tenant(&record.tenant);
         let account = self.accounts.tenant(&record.tenant);
         let spec = job.spec.clone().unwrap_or_default();
@@ -184,7 +184,7 @@ impl Jobs {
             job.set_state(JobState::Pending);
         }
         let has_ended = is_ended(job.state());
-        let size = new_bytes(&spec, upload.as_ref()) + files_bytes(&job.files);
+        let size = new_bytes(&spec, upload.as_ref()) + files_bytes(&job.files) + part_bytes;
         let done = answer::done_within_bounds(done);
         let held = JobReservations {
             bytes: account.reserve_existing(Resource::JobBytes, size),
@@ -214,6 +214,8 @@ struct OnDisk {
     job: v1::Job,
     done: v1::JobResult,
     upload: Option<crate::store::JobUpload>,
+    /// Bytes of the work that need not be done again.
+    part_bytes: u64,
 }
 
 /// Reads a folder. What cannot be read is reported and left as it is.
@@ -262,5 +264,17 @@ fn read(files: &crate::store::JobFiles, folder: JobFolder) -> FolderContent {
         tracing::error!(job, "a later version wrote this job, it is left as it is");
         return FolderContent::Later((record.tenant, record.job_id));
     };
-    FolderContent::Job(Box::new(OnDisk { folder, record, job, done, upload }))
+    let part_bytes = part_bytes(files, &folder);
+    FolderContent::Job(Box::new(OnDisk { folder, record, job, done, upload, part_bytes }))
+}
+
+/// Bytes that the parts of a job count; one that cannot be read is made again. A checkpoint counts when
+/// the next one replaces it.
+fn part_bytes(files: &crate::store::JobFiles, folder: &JobFolder) -> u64 {
+    let parts = folder.files.iter().filter(|file| matches!(file, JobFile::Part(_)));
+    let size = |file: &JobFile| {
+        let read = files.read(&folder.uid, *file, |body| std::io::copy(body, &mut std::io::sink()));
+        FILE_BYTES + read.unwrap_or(0)
+    };
+    parts.map(size).sum()
 }
