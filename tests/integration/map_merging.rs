@@ -428,3 +428,21 @@ fn an_event_of_a_merge_that_does_not_fit_changes_nothing() {
     assert_eq!(target.map, before);
     assert!(MapParts::default().merged.is_empty());
 }
+
+#[test]
+fn a_merge_that_takes_an_earlier_one_out_of_range_is_refused() {
+    let far = |x| Se3::new(So3::identity(), Vector3::new(x, 0.0, 0.0));
+    // The inner map has nothing whose place could overflow.
+    let inner = Journal::new(MapPolicy::default()).map;
+    let mut middle = Map::new();
+    let policy = MapPolicy::default();
+    let created = Change::Created { policy, create_time_ns: 2, display_name: String::new() };
+    middle.apply(&Event { revision: 1, time_ns: 0, cause: None, change: created }).unwrap();
+    let merge = middle.merge_of(("inner", &inner), far(1e308), &BTreeMap::new(), &[]).unwrap();
+    let change = Change::MapMerged { merge: Box::new(merge) };
+    middle.apply(&Event { revision: 2, time_ns: 0, cause: None, change }).unwrap();
+    let target = street(4, MapPolicy::default()).map;
+    let refused = target.merge_of(("middle", &middle), far(1e308), &renamed(), &[]);
+    assert_eq!(refused.unwrap_err(), MergeError::OutOfRange);
+    target.merge_of(("middle", &middle), far(-1e308), &renamed(), &[]).unwrap();
+}

@@ -15,6 +15,7 @@ use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::information::Information;
 
 use super::frames;
+use super::numbers::is_similarity;
 use super::scaling;
 use super::{
     Client, ClientIndex, Constraint, Content, Duplicates, EntityId, Map, MapError, MapPolicy,
@@ -185,7 +186,13 @@ impl Map {
         for client in &mut parts.clients {
             client.scale *= scale;
         }
-        if !(target_from_source.is_finite() && is_finite(&parts)) {
+        // What was merged into the source before is where both merges put it.
+        let inner = parts.merged.iter().map(|inner| inner.target_from_source);
+        let mut inner = inner.map(|inner| target_from_source.compose(&inner));
+        if !(target_from_source.is_finite()
+            && is_finite(&parts)
+            && inner.all(|i| is_similarity(&i)))
+        {
             return Err(MergeError::OutOfRange);
         }
         let content = Arc::new(Self::from_parts(parts)?);

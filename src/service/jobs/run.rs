@@ -285,10 +285,9 @@ pub(super) async fn run(context: &Arc<Context>, entry: &Arc<Entry>) {
                 let change = |job: &mut v1::Job, _: &mut v1::JobResult| {
                     job.result = Some(v1::JobResult { result: Some(made.result.clone()) });
                     job.shortened_lists.extend(made.shortened.clone());
-                    (job.cost_before, job.cost_after) = match made.costs {
-                        Some((before, after)) => (Some(before), Some(after)),
-                        None => (None, None),
-                    };
+                    // Costs that no number holds are in the summary only.
+                    let is_finite = |&(before, after): &(f64, f64)| (before + after).is_finite();
+                    (job.cost_before, job.cost_after) = made.costs.filter(is_finite).unzip();
                 };
                 jobs.end(entry, JobState::Succeeded, change).await
             }

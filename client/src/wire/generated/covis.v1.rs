@@ -7617,7 +7617,7 @@ pub struct Job {
     #[prost(int32, tag = "14")]
     pub attempt_count: i32,
     /// Cost of what was solved before, in the unit of the problem; of several problems the sum.
-    /// SUCCEEDED jobs that solve. Output only.
+    /// SUCCEEDED jobs that solve; absent where either cost is beyond what numbers hold. Output only.
     #[prost(double, optional, tag = "15")]
     pub cost_before: ::core::option::Option<f64>,
     /// The same after. Output only.
