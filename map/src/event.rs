@@ -113,6 +113,16 @@ pub struct LastRequest {
     pub final_cost: f64,
 }
 
+impl LastRequest {
+    /// Of a solve with these costs. Numbers do not hold the cost of some starts: it is infinite then and
+    /// never NaN, so that a map equals itself.
+    #[must_use]
+    pub fn new(id: RequestId, revision: i64, (initial_cost, final_cost): (f64, f64)) -> Self {
+        let held = |cost: f64| if cost.is_nan() { f64::INFINITY } else { cost };
+        Self { id, revision, initial_cost: held(initial_cost), final_cost: held(final_cost) }
+    }
+}
+
 /// A keyframe that was removed to make room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Retired {

@@ -406,3 +406,14 @@ fn the_last_sequence_and_the_last_revision_are_no_overflow() {
         assert!(map.apply(&event(revision, None, policy.clone())).is_err());
     }
 }
+
+#[test]
+fn a_map_whose_last_solve_began_beyond_numbers_equals_itself() {
+    let mut journal = street(2, MapPolicy::default());
+    let solve = solve_of(SolveKind::Global);
+    let solve = AppliedSolve { initial_cost: f64::NAN, request: Some([7; 16]), ..solve };
+    journal.push(Change::SolveApplied { solve });
+    let map = &journal.map;
+    assert_eq!(map.last_request().unwrap().initial_cost, f64::INFINITY);
+    assert_eq!(Map::from_parts(map.to_parts()).unwrap(), *map, "as a snapshot is compared");
+}

@@ -277,8 +277,8 @@ impl Map {
             self.parts.switched_off.remove(id);
         }
         if let Some(id) = solve.request {
-            let AppliedSolve { initial_cost, final_cost, .. } = *solve;
-            self.parts.last_request = Some(LastRequest { id, revision, initial_cost, final_cost });
+            let costs = (solve.initial_cost, solve.final_cost);
+            self.parts.last_request = Some(LastRequest::new(id, revision, costs));
         }
         match solve.kind {
             SolveKind::LocalBundle => {}

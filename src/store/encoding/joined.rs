@@ -153,12 +153,11 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
         parts.adjustment_due = head.adjustment_due;
         parts.last_request = match head.last_request {
             None => None,
-            Some(request) => Some(LastRequest {
-                id: decode_request(&request.id)?,
-                revision: request.revision,
-                initial_cost: f64::from_bits(request.initial_cost),
-                final_cost: f64::from_bits(request.final_cost),
-            }),
+            Some(request) => {
+                let costs = [request.initial_cost, request.final_cost].map(f64::from_bits);
+                let id = decode_request(&request.id)?;
+                Some(LastRequest::new(id, request.revision, costs.into()))
+            }
         };
         parts.place_searches.unsolved = head.unsolved_closures;
         parts.merged = head.merged.into_iter().map(decode_merged).collect::<Result<_, _>>()?;
