@@ -123,6 +123,63 @@ fn what_a_job_reads_is_priced_before_it_is_read() {
 }
 
 #[test]
+fn a_truth_counts_as_in_memory_until_its_job_has_ended_and_is_known_after_that() {
+    run(async {
+        let folder = tempfile::tempdir().unwrap();
+        let start = async || {
+            TestServer::with(|config| config.data_dir = Some(folder.path().to_owned())).await
+        };
+        let server = start().await;
+        let jobs = Jobs::of(&server);
+        unsolved_map(&server, "house", 4).await;
+        let truth = |first: i64| {
+            let pose = |k| v1::KeyframePose {
+                capture_time: Some(prost_types::Timestamp { seconds: first + k, nanos: 0 }),
+                world_from_camera: Some(v1::RigidTransform {
+                    translation: Some(v1::Vector3::default()),
+                    rotation: Some(v1::Quaternion { w: 1.0, ..Default::default() }),
+                }),
+                ..Default::default()
+            };
+            (0..10_000).map(pose).collect::<Vec<_>>()
+        };
+        let of_truth = |truth| {
+            Spec::EvaluateTrajectory(v1::EvaluateTrajectorySpec {
+                map_id: "house".to_owned(),
+                client_id: "robot".to_owned(),
+                truth,
+                ..Default::default()
+            })
+        };
+        let record = of_truth(truth(1)).encoded_len() as i64;
+        let occupied = occupy(&server).await;
+        jobs.create("long", of_truth(truth(1))).await.unwrap();
+        let counted = held(&server, "job_bytes").await;
+        assert!(counted > 4 * record, "{counted} for a record of {record}");
+        drop(occupied);
+        // No time of it is that of a keyframe.
+        let ended = v1::Job { progress: None, ..jobs.end("long").await };
+        assert_eq!(ended.state(), JobState::Failed);
+        // What it held is given back a moment after its end.
+        while !(record..record + 8192).contains(&held(&server, "job_bytes").await) {}
+        let known = async |jobs: &Jobs| {
+            let again = jobs.create("long", of_truth(truth(1))).await.unwrap();
+            // Progress is shown only.
+            assert_eq!(v1::Job { progress: None, ..again }, ended);
+            let status = jobs.create("long", of_truth(truth(2))).await.unwrap_err();
+            check_status(&status, Code::AlreadyExists, "JOB_EXISTS");
+        };
+        known(&jobs).await;
+        server.running.shutdown().await;
+        let server = start().await;
+        let kept = held(&server, "job_bytes").await;
+        assert!((record..record + 8192).contains(&kept), "{kept} for a record of {record}");
+        known(&Jobs::of(&server)).await;
+        server.running.shutdown().await;
+    });
+}
+
+#[test]
 fn an_evaluation_takes_its_turn_among_the_solves() {
     run(async {
         let server = TestServer::start().await;

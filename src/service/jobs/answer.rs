@@ -38,7 +38,8 @@ pub(super) fn shorten(job: &mut v1::Job) {
     if let Some(Spec::EvaluateTrajectory(spec)) =
         job.spec.as_mut().and_then(|spec| spec.spec.as_mut())
     {
-        spec.truth.clear();
+        // Without its memory too: a vector that is cleared keeps it.
+        spec.truth = Vec::new();
     }
     if let Some(failure) = &mut job.failure {
         cut_text(&mut failure.message);
@@ -326,6 +327,17 @@ mod tests {
             let found = of.reconstruction.as_ref().unwrap();
             !found.unplaced_keyframes.is_empty() && found.keyframe_count == 1_210
         }));
+    }
+
+    #[test]
+    fn a_job_keeps_no_memory_of_its_truth() {
+        let truth = vec![v1::KeyframePose::default(); 10_000];
+        let spec = v1::EvaluateTrajectorySpec { truth, ..Default::default() };
+        let spec = Some(v1::JobSpec { spec: Some(Spec::EvaluateTrajectory(spec)) });
+        let mut job = v1::Job { spec, ..Default::default() };
+        shorten(&mut job);
+        let Some(Spec::EvaluateTrajectory(spec)) = job.spec.unwrap().spec else { panic!() };
+        assert_eq!(spec.truth.capacity(), 0);
     }
 
     #[test]

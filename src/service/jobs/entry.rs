@@ -9,17 +9,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, MutexGuard};
 
 use prost::Message;
+use sha2::{Digest as _, Sha256};
 use tokio::sync::watch;
 
 use super::answer::shorten;
 use super::uploads::{FILE_BYTES, counted};
-use super::{JobError, answer};
+use super::{JobError, answer, spec};
 use crate::service::convert::time::timestamp;
 use crate::service::engine::{Cancellation, EngineError, Reservation};
 use crate::store::{JobFiles, JobRecord, JobUid, JobUpload};
 use crate::sync::Mutex;
 use crate::wire::v1;
 use v1::JobState;
+use v1::job_spec::Spec;
 
 /// Tenant and name of a job.
 pub(super) type JobKey = (String, String);
@@ -32,7 +34,14 @@ pub(super) struct Entry {
     pub(super) key: JobKey,
     pub(super) uid: JobUid,
     pub(super) number: i64,
-    pub(super) spec: v1::JobSpec,
+    /// Its kind, by name.
+    pub(super) kind: &'static str,
+    /// What it was asked for in full, until it has ended: its record alone keeps that.
+    asked: Mutex<Option<Arc<v1::JobSpec>>>,
+    /// Length of that in the record, bytes.
+    asked_bytes: u64,
+    /// Tells that from what another request asks for.
+    digest: Digest,
     /// The maps that it changes, by the engine's names.
     pub(super) changes: Vec<String>,
     /// What was uploaded for it.
@@ -49,6 +58,9 @@ pub(super) struct Entry {
     held: Mutex<JobReservations>,
     exclusive: tokio::sync::Mutex<()>,
 }
+
+/// A checksum of a spec.
+type Digest = [u8; 32];
 
 /// What a job holds of its tenant's account.
 pub(super) struct JobReservations {
@@ -71,11 +83,17 @@ impl Entry {
         let spec = job.spec.clone().unwrap_or_default();
         let files = job.files.clone();
         shorten(&mut job);
+        let (kind, digest) = (spec::kind(&spec), digest(&spec));
+        let asked_bytes = spec.encoded_len() as u64;
+        let asked = (!is_ended(job.state())).then(|| Arc::new(spec));
         Self {
             key,
             uid,
             number,
-            spec,
+            kind,
+            asked: Mutex::new(asked),
+            asked_bytes,
+            digest,
             changes,
             upload,
             cancellation: Arc::default(),
@@ -96,6 +114,27 @@ impl Entry {
     /// The job as clients see it.
     pub(super) fn job(&self) -> v1::Job {
         self.shown.borrow().clone()
+    }
+
+    /// What it was asked for; `None` once it has ended.
+    pub(super) fn asked(&self) -> Option<Arc<v1::JobSpec>> {
+        self.asked.lock().clone()
+    }
+
+    /// Whether it was asked for the same.
+    pub(super) fn is_asked(&self, spec: &v1::JobSpec) -> bool {
+        self.digest == digest(spec)
+    }
+
+    /// Forgets what it was asked for: it has ended, and its record has all of it.
+    pub(super) fn forget_asked(&self) {
+        *self.asked.lock() = None;
+    }
+
+    /// Whether it is on a map, as its tenant calls it.
+    pub(super) fn is_on(&self, map_id: &str) -> bool {
+        let job = self.shown.borrow();
+        job.spec.as_ref().is_some_and(|spec| spec::maps_of(spec).contains(&map_id))
     }
 
     /// All files that it made, the report first.
@@ -181,8 +220,8 @@ impl Entry {
 
     /// Bytes that it counts with all that it keeps after its end.
     pub(super) fn kept_bytes(&self) -> u64 {
-        let record = self.spec.encoded_len() + self.shown.borrow().encoded_len();
-        JOB_BYTES + record as u64 + files_bytes(&self.files.lock())
+        let record = self.asked_bytes + self.shown.borrow().encoded_len() as u64;
+        JOB_BYTES + record + files_bytes(&self.files.lock())
     }
 
     /// Writes the job as `change` makes it, then shows it. The caller has [`Entry::exclusive`].
@@ -217,7 +256,7 @@ impl Entry {
         Ok(())
     }
 
-    /// Writes its record.
+    /// Writes its record. It has not ended, in memory.
     ///
     /// # Errors
     /// As [`Entry::change`].
@@ -227,7 +266,7 @@ impl Entry {
         job: &v1::Job,
         done: &v1::JobResult,
     ) -> Result<(), JobError> {
-        let spec = Some(self.spec.clone());
+        let spec = self.asked().as_deref().cloned();
         let job = v1::Job { spec, progress: None, ..job.clone() };
         let record = JobRecord {
             tenant: self.key.0.clone(),
@@ -257,9 +296,33 @@ pub(super) fn files_bytes(files: &[v1::JobFile]) -> u64 {
     u64::try_from(content).unwrap_or(0) + FILE_BYTES * files.len() as u64
 }
 
-/// Bytes that a job counts before it has made anything.
+/// Bytes that a job counts before it has made anything: its record, and its spec in memory.
 pub(super) fn new_bytes(spec: &v1::JobSpec, upload: Option<&JobUpload>) -> u64 {
-    JOB_BYTES + spec.encoded_len() as u64 + upload.map_or(0, counted)
+    JOB_BYTES + spec.encoded_len() as u64 + decoded_bytes(spec) + upload.map_or(0, counted)
+}
+
+/// Bytes that the long lists of a spec take in memory: a pose of 22 bytes on the wire takes many times that.
+fn decoded_bytes(spec: &v1::JobSpec) -> u64 {
+    let bytes = match &spec.spec {
+        Some(Spec::EvaluateTrajectory(spec)) => size_of_val(&*spec.truth),
+        Some(Spec::MergeMaps(request)) => {
+            size_of_val(&*request.constraints) + size_of_val(&*request.renamed_clients)
+        }
+        Some(
+            Spec::OptimizeMap(_)
+            | Spec::RebuildMap(_)
+            | Spec::CompactMap(_)
+            | Spec::ExportMap(_)
+            | Spec::SolveFiles(_)
+            | Spec::Reconstruct(_),
+        )
+        | None => 0,
+    };
+    bytes as u64
+}
+
+fn digest(spec: &v1::JobSpec) -> Digest {
+    Sha256::digest(spec.encode_to_vec()).into()
 }
 
 /// Whether a job in this state has ended.

@@ -228,8 +228,7 @@ impl Jobs {
         entries.sort_unstable_by_key(|entry| std::cmp::Reverse(entry.number));
         let is_wanted = |entry: &Arc<Entry>| {
             let of_state = list.states.is_empty() || list.states.contains(&entry.state());
-            let of_map =
-                list.map_id.is_empty() || spec::maps_of(&entry.spec).contains(&list.map_id);
+            let of_map = list.map_id.is_empty() || entry.is_on(list.map_id);
             of_state && of_map
         };
         entries.retain(is_wanted);
@@ -320,7 +319,7 @@ impl Jobs {
         let exists = || JobError::Exists { job: key.1.clone() };
         let table = self.table.lock();
         match table.jobs.get(key) {
-            Some(entry) if entry.spec == *spec => Ok(Some(entry.job())),
+            Some(entry) if entry.is_asked(spec) => Ok(Some(entry.job())),
             Some(_) => Err(exists()),
             None if table.taken.contains(key) => Err(exists()),
             None => Ok(None),
@@ -409,8 +408,9 @@ impl Jobs {
                 *done = v1::JobResult::default();
             })
             .await?;
+        entry.forget_asked();
         self.drop_inputs(entry).await;
-        self.meters.ended(spec::kind(&entry.spec), state);
+        self.meters.ended(entry.kind, state);
         self.wake.notify_one();
         Ok(())
     }

@@ -10,7 +10,7 @@
 //! | `merge_maps` | snapshots of both maps | the map's own accounts; room in the target is reserved before |
 //! | `compact_map` | a snapshot, and the one on disk to compare with | the map's own account; the file is read in pieces |
 //! | `evaluate_trajectory` | the truth of a file | `reading`: words of the file, and matched poses |
-//! | `evaluate_trajectory` | the truth of the spec | at most 10,000 poses, in the job's bytes |
+//! | `evaluate_trajectory` | the truth of the spec | at most 10,000 poses, in the job's bytes as they are in memory |
 //! | `export_map` | a snapshot | `exports`; files are made chunk by chunk, a pose graph by `Estimate::of_graph` |
 //! | `solve_files`, `reconstruct` of files | the files of one problem | `reading`: words or bytes, until its solution is written |
 //! | the same, by a worker | the files of one problem | a server sends them in pieces; the worker compares with the limit that came along |

@@ -17,7 +17,7 @@ use tonic_types::StatusExt as _;
 
 use super::entry::{Entry, on_disk};
 use super::uploads::{FILE_BYTES, number};
-use super::{Context, JobError, maps, problems, report, spec};
+use super::{Context, JobError, maps, problems, report};
 use crate::service::access::Caller;
 use crate::service::convert::count;
 use crate::service::convert::time::timestamp;
@@ -154,7 +154,8 @@ impl Run<'_> {
     }
 
     async fn work(&self) -> Result<Made, ServiceError> {
-        match self.entry.spec.spec.as_ref() {
+        let asked = self.entry.asked();
+        match asked.as_ref().and_then(|asked| asked.spec.as_ref()) {
             Some(Spec::OptimizeMap(request)) => maps::optimize(self, request).await,
             Some(Spec::MergeMaps(request)) => maps::merge(self, request).await,
             Some(Spec::CompactMap(spec)) => maps::compact(self, spec).await,
@@ -372,7 +373,7 @@ async fn begin(context: &Arc<Context>, entry: &Arc<Entry>) -> bool {
         let waited = begun.saturating_sub(created);
         jobs.meters.waiting_ns.observe(u64::try_from(waited).unwrap_or(0));
     }
-    tracing::debug!(job = entry.id(), kind = spec::kind(&entry.spec), "job begun");
+    tracing::debug!(job = entry.id(), kind = entry.kind, "job begun");
     true
 }
 
