@@ -39,16 +39,19 @@ pub fn default_map_limits() -> MapLimits {
 /// Bytes of the files of jobs that a server without a data directory keeps, in memory: half a GiB.
 const JOB_BYTES_IN_MEMORY: u64 = GIB / 2;
 
-/// Limits of a server on a machine of 8 GiB: 4 GiB for all maps, 2 GiB for solves and half a GiB
-/// for journals that wait for the disk leave the rest to queues, exports and the system. A stream
-/// needs some ten kilobytes with its queue; an export needs its snapshot and one chunk.
+/// Limits of a server on a machine of 8 GiB: 4 GiB for all maps, 2 GiB for solves, 1 GiB for problems
+/// that wait for theirs and half a GiB for journals that wait for the disk leave the rest to queues,
+/// exports and the system. A stream needs some ten kilobytes with its queue; an export or a list needs
+/// its snapshot and one chunk.
 #[must_use]
 pub fn default_limits() -> AccountLimits {
     AccountLimits::of_maps(MapLimits { bytes: Some(4 * GIB), ..MapLimits::default() })
         .with(Resource::Streams, 2000)
         .with(Resource::Watchers, 1000)
         .with(Resource::Exports, 64)
+        .with(Resource::Lists, 64)
         .with(Resource::WaitingSolves, 256)
+        .with(Resource::WaitingSolveBytes, GIB)
         .with(Resource::RunningSolveBytes, 2 * GIB)
         .with(Resource::JournalBytes, GIB / 2)
         .with(Resource::PendingJobs, 256)

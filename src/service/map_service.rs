@@ -170,8 +170,9 @@ macro_rules! list {
                 map_id?;
                 pages
             })?;
-            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
-            $send(&map, &pages, &sink).await
+            let map = rpcs.map(&caller?, &request.map_id).await?;
+            let _reservation = map.account().reserve(Resource::Lists, 1)?;
+            $send(&*map.snapshot().await?, &pages, &sink).await
         })
     }};
 }
@@ -317,7 +318,9 @@ impl MapService for Rpcs {
                 "" => None,
                 id => Some(convert(|out| ids::name(Path::root("client_id"), id, out))?),
             };
-            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
+            let map = rpcs.map(&caller?, &request.map_id).await?;
+            let _reservation = map.account().reserve(Resource::Lists, 1)?;
+            let map = map.snapshot().await?;
             let client = match wanted {
                 None => None,
                 Some(client) => {

@@ -22,7 +22,8 @@ use super::convert::solve::{
 use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{
-    Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError, SolveStep,
+    Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError, Reservation,
+    Resource, SolveStep,
 };
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, localize, refine};
@@ -38,6 +39,10 @@ const SMALL_MESSAGE: usize = 64 << 10;
 
 /// Most constraints that are switched off in a result: 1.5 MiB at the very most.
 const MOST_SWITCHED_OFF: usize = 10_000;
+
+/// Bytes of memory that a call counts for each byte of its message while it waits for its solve: the
+/// message as it is decoded, and the problem that is made of it. The shortest entries take the most.
+const WAITING_PER_BYTE: u64 = 12;
 
 /// What the solve of a request may use.
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +97,13 @@ impl Rpcs {
         solved?.ok_or(ServiceError::DeadlineExceeded)
     }
 
+    /// Reserves memory for a call of so many bytes, from its reading until its solve begins.
+    fn wait(&self, caller: &Caller, bytes: usize) -> Result<Reservation, ServiceError> {
+        let account = self.context.maps.pool().accounts().tenant(caller.tenant());
+        let bytes = WAITING_PER_BYTE.saturating_mul(bytes as u64);
+        Ok(account.reserve(Resource::WaitingSolveBytes, bytes)?)
+    }
+
     /// Answers a call that brings its problem: reads it, and solves it on the pool.
     async fn solve_request<Q: Message + 'static, I: Send + 'static, A: Send + 'static>(
         &self,
@@ -105,11 +117,16 @@ impl Rpcs {
         let deadline = solve_deadline(&request, bytes);
         let (threads, ceiling) =
             (self.context.maps.pool().threads(), self.context.config.engine.ceiling());
+        let waits = self.wait(&caller, bytes)?;
         let (request, budget) = (request.into_inner(), SolveBudget { threads, ceiling, deadline });
         let input = read(bytes, move || input(request, &budget)).await?;
         let (estimate, cancel) = (estimate(&input), CancelOnDrop::default());
         let interrupt = cancel.interrupt(deadline);
-        self.solve(&caller, estimate, deadline, move || run(input, &interrupt)).await?
+        let work = move || {
+            drop(waits);
+            run(input, &interrupt)
+        };
+        self.solve(&caller, estimate, deadline, work).await?
     }
 
     async fn locate(
@@ -123,6 +140,7 @@ impl Rpcs {
         // First of all: a call for a map that is not there, or of another tenant, has nothing read.
         let map_id = convert(|out| ids::map_id(&request.map_id, out))?;
         let map = self.context.maps.find(&caller.engine_name(&map_id)).await?;
+        let _waits = self.wait(&caller, bytes)?;
         let input = read(bytes, move || localize::input(request)).await?;
         let snapshot = map.snapshot().await?;
         let cancel = CancelOnDrop::default();

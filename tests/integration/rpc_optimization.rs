@@ -1,12 +1,14 @@
 //! The stateless solves of `OptimizationService`: one pose, bundles and pose graphs of the call.
 
+use covis::service::engine::{AccountLimits, Resource};
 use covis::wire::v1;
+use prost::Message;
 use tonic::{Code, Request};
 use v1::solve_pose_graph_request::Graph;
 
 use crate::common::{
-    LANDMARKS, TestServer, bundle, camera, check_field, check_status, information3, information6,
-    keyframe_position, landmark_position, pixel, run, shift, vector3,
+    LANDMARKS, TestServer, bundle, camera, check_field, check_retry, check_status, information3,
+    information6, keyframe_position, landmark_position, occupy, pixel, run, shift, vector3,
 };
 
 fn loss(kind: v1::LossKind, width: f64) -> Option<v1::Loss> {
@@ -68,6 +70,36 @@ fn refine_pose_finds_the_pose_and_the_outlier() {
         let t = answer.world_from_camera.unwrap().translation.unwrap();
         assert!((t.x - 5.0).abs() < 0.1, "{t:?}");
         assert_eq!(answer.summary.unwrap().gauge(), v1::Gauge::Priors);
+    });
+}
+
+#[test]
+fn problems_that_wait_for_their_solve_have_a_ceiling_in_bytes() {
+    run(async {
+        let bytes = 12 * refine_request().encoded_len() as u64;
+        let server = TestServer::with(|config| {
+            config.tenant_limits =
+                AccountLimits::default().with(Resource::WaitingSolveBytes, 2 * bytes - 1);
+        })
+        .await;
+        let pool = server.running.solver_pool();
+        let waiting = || pool.accounts().tenant("").held(Resource::WaitingSolveBytes);
+        let occupied = occupy(&server).await;
+        let mut client = server.optimization();
+        let first = tokio::spawn(async move { client.refine_pose(refine_request()).await });
+        while waiting() == 0 {
+            tokio::task::yield_now().await;
+        }
+        assert_eq!(waiting(), bytes);
+        let mut client = server.optimization();
+        let status = client.refine_pose(refine_request()).await.unwrap_err();
+        check_status(&status, Code::ResourceExhausted, "TENANT_LIMIT");
+        assert!(status.message().contains("tenant_max_waiting_solve_bytes"), "{status}");
+        check_retry(&status);
+        drop(occupied);
+        first.await.unwrap().unwrap();
+        assert_eq!(waiting(), 0);
+        client.refine_pose(refine_request()).await.unwrap();
     });
 }
 

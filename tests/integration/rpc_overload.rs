@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use covis::client::{Client, Credentials, SessionOptions, Token, WatchOptions};
-use covis::service::engine::AccountLimits;
+use covis::service::engine::{AccountLimits, Resource};
 use covis::wire::v1;
 use tempfile::NamedTempFile;
 use tokio::sync::mpsc;
@@ -14,8 +14,11 @@ use tonic::transport::Endpoint;
 use v1::ingest_request::Item;
 use v1::ingest_response::Event;
 use v1::ingest_service_client::IngestServiceClient;
+use v1::map_service_client::MapServiceClient;
 
-use crate::common::{TestServer, camera, check_retry, check_status, keyframe, open_item, run};
+use crate::common::{
+    Stream, TestServer, camera, check_retry, check_status, keyframe, open_item, run, vector3,
+};
 use crate::rpc_access::tokens_toml;
 
 /// Keyframe `id` with what keyframe `id` modulo 6 sees.
@@ -110,6 +113,57 @@ fn a_watcher_that_reads_nothing_costs_little_and_catches_up() {
         let newest = client.get_map("house").await.unwrap();
         let mirror = watch.reach(newest.revision).await.unwrap();
         assert_eq!(mirror.keyframes.len(), 300);
+    });
+}
+
+#[test]
+fn lists_that_are_being_read_have_a_ceiling() {
+    run(async {
+        let server = TestServer::with(|config| {
+            config.tenant_limits = AccountLimits::default().with(Resource::Lists, 2);
+        })
+        .await;
+        server.create_map_with("house", no_solves()).await;
+        let (mut stream, _) = Stream::open(&server, "house", "robot", 0).await;
+        let batch = |first: i64| v1::LandmarkBatch {
+            landmarks: (first..first + 60_000)
+                .map(|id| v1::Landmark {
+                    id,
+                    point_in_world: Some(vector3([1.0, 2.0, id as f64])),
+                    ..Default::default()
+                })
+                .collect(),
+        };
+        for k in 0..3 {
+            let ack = stream.put(k + 1, Item::Landmarks(batch(60_000 * k))).await;
+            assert!(ack.violations.is_empty(), "{ack:?}");
+        }
+        let list = async || {
+            // A connection of its own, which has no room for a whole message.
+            let endpoint = Endpoint::from_shared(url(&server)).unwrap();
+            let endpoint = endpoint.initial_stream_window_size(65_535);
+            let mut maps = MapServiceClient::new(endpoint.connect().await.unwrap());
+            let request =
+                v1::ListLandmarksRequest { map_id: "house".to_owned(), ..Default::default() };
+            let mut pages = maps.list_landmarks(request).await?.into_inner();
+            let page = pages.message().await?.unwrap();
+            assert!(!page.next_page_token.is_empty());
+            Ok::<_, tonic::Status>(pages)
+        };
+        let first = list().await.unwrap();
+        let second = list().await.unwrap();
+        let status = list().await.unwrap_err();
+        check_status(&status, Code::ResourceExhausted, "TENANT_LIMIT");
+        assert!(status.message().contains("tenant_max_list_count"), "{status}");
+        check_retry(&status);
+        // All kinds of lists count as one.
+        let request = v1::GetTrajectoryRequest { map_id: "house".to_owned(), ..Default::default() };
+        let mut poses = server.maps().get_trajectory(request).await.unwrap().into_inner();
+        check_status(&poses.message().await.unwrap_err(), Code::ResourceExhausted, "TENANT_LIMIT");
+        // A reader that leaves gives its place back.
+        drop(first);
+        while list().await.is_err() {}
+        drop(second);
     });
 }
 

@@ -19,8 +19,12 @@ pub enum Resource {
     /// Exports that are being read, each of which holds a snapshot of its map, and downloads of files of
     /// jobs.
     Exports,
+    /// Lists and trajectories of maps that are being read, each of which holds a snapshot of its map.
+    Lists,
     /// Calls whose solves wait in the queue.
     WaitingSolves,
+    /// Estimated bytes of what calls with a problem of their own hold while they wait in the queue.
+    WaitingSolveBytes,
     /// Estimated bytes of the running solves; a solve that would exceed the limit waits.
     RunningSolveBytes,
     /// Bytes of journals that wait for the disk. One map has at most 64 MiB; then its items wait.
@@ -28,7 +32,8 @@ pub enum Resource {
     /// Jobs that wait or run.
     PendingJobs,
     /// Bytes of the files of jobs: what was uploaded for them, and what they made. Each file and each
-    /// upload counts 8 KiB more, and each job 4 KiB and its record.
+    /// upload counts 8 KiB more, each job 4 KiB and its record, and until it has ended the lists of its spec
+    /// in memory.
     JobBytes,
     /// Uploads that no job has taken, those that are being sent too.
     Uploads,
@@ -38,12 +43,14 @@ pub enum Resource {
 
 impl Resource {
     /// All resources.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Maps,
         Self::Streams,
         Self::Watchers,
         Self::Exports,
+        Self::Lists,
         Self::WaitingSolves,
+        Self::WaitingSolveBytes,
         Self::RunningSolveBytes,
         Self::JournalBytes,
         Self::PendingJobs,
@@ -59,7 +66,9 @@ impl Resource {
             Self::Streams => ("streams", "tenant_max_stream_count"),
             Self::Watchers => ("watchers", "tenant_max_watcher_count"),
             Self::Exports => ("exports", "tenant_max_export_count"),
+            Self::Lists => ("lists", "tenant_max_list_count"),
             Self::WaitingSolves => ("waiting_solves", "tenant_max_waiting_solve_count"),
+            Self::WaitingSolveBytes => ("waiting_solve_bytes", "tenant_max_waiting_solve_bytes"),
             Self::RunningSolveBytes => ("running_solve_bytes", "tenant_max_running_solve_bytes"),
             Self::JournalBytes => ("journal_bytes", "tenant_max_journal_bytes"),
             Self::PendingJobs => ("pending_jobs", "tenant_max_pending_job_count"),
