@@ -212,6 +212,7 @@ fn lists_refuse_bad_requests() {
         let of_keyframes = [
             (masked(&["color"]), "read_mask", "UNKNOWN_VALUE"),
             (masked(&["observations.pixel"]), "read_mask", "UNKNOWN_VALUE"),
+            (masked(&["id"; 65]), "read_mask", "TOO_LARGE"),
             (
                 v1::ListKeyframesRequest { page_size: 10_001, ..of_room() },
                 "page_size",

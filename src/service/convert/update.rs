@@ -85,7 +85,7 @@ const FIELDS: [Field; 22] = [
 ];
 
 /// Most paths of a mask: more than there are fields.
-const MOST_PATHS: usize = 64;
+pub(in crate::service) const MOST_PATHS: usize = 64;
 
 /// The change that a request asks for.
 pub(in crate::service) fn update(

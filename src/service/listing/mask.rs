@@ -4,6 +4,7 @@
 
 use prost_types::FieldMask;
 
+use super::super::convert::update::MOST_PATHS;
 use super::super::convert::{Path, Violations};
 use crate::map::Reason;
 
@@ -21,6 +22,7 @@ pub(super) fn left_out<M>(
     out: &mut Violations,
 ) -> Option<Vec<LeaveOut<M>>> {
     let Some(FieldMask { paths }) = mask else { return Some(Vec::new()) };
+    out.at_most(Path::root("read_mask"), paths, MOST_PATHS)?;
     if let Some(unknown) = paths.iter().find(|path| fields.iter().all(|(name, _)| path != name)) {
         let text = format!("{unknown:?} is no field of {message}");
         return out.report(Path::root("read_mask"), Reason::UnknownValue, text);
