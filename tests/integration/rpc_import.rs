@@ -1,6 +1,8 @@
 //! `MAP_FORMAT_COVIS` and `ImportMap`: a map that moves to another server, other formats, and each
 //! code. What ends early or is damaged leaves no map.
 
+use covis::map::MapLimits;
+use covis::service::engine::AccountLimits;
 use covis::wire::v1;
 use proptest::prelude::*;
 use tonic::{Code, Status};
@@ -407,6 +409,39 @@ fn an_import_never_exceeds_what_the_server_holds() {
         assert!(import(&full, header("one", format), &files).await.is_ok());
         let status = import(&full, header("two", format), &files).await.unwrap_err();
         check_status(&status, Code::ResourceExhausted, "SERVER_LIMIT");
+    });
+}
+
+#[test]
+fn files_are_priced_before_they_are_parsed() {
+    run(async {
+        let server = TestServer::with(|config| {
+            let held = MapLimits { bytes: Some(2 << 20), ..MapLimits::default() };
+            config.server_limits = AccountLimits::of_maps(held);
+        })
+        .await;
+        // Less than 300 kB each, and more than 2 MiB once they are parsed; the last line is damaged.
+        let text = |line: &str, times| format!("{}x y\n", line.repeat(times)).into_bytes();
+        let file = |path: &str, bytes: Vec<u8>| (path.to_owned(), bytes);
+        let camera = b"1 PINHOLE 640 480 300 300 320 240\n".to_vec();
+        let model = [
+            file("cameras.txt", camera),
+            file("images.txt", text("0 0 -1 ", 20_000)),
+            file("points3D.txt", Vec::new()),
+        ];
+        let cases: [(v1::MapFormat, &[File]); 3] = [
+            (v1::MapFormat::Tum, &[file("a.tum", text("1 0 0 0 0 0 0 1\n", 18_000))]),
+            (v1::MapFormat::G2o, &[file("a.g2o", text("FIX 0\n", 40_000))]),
+            (v1::MapFormat::ColmapText, &model),
+        ];
+        for (format, files) in cases {
+            assert!(files.iter().all(|(_, bytes)| bytes.len() < 300_000), "{format:?}");
+            let status = import(&server, header("copy", format), files).await.unwrap_err();
+            check_status(&status, Code::ResourceExhausted, "SERVER_LIMIT");
+            assert!(status.message().contains("max_size_bytes"), "{format:?}: {status}");
+        }
+        let short = [file("a.tum", b"1 0 0 0 0 0 0 1\n".to_vec())];
+        import(&server, header("copy", v1::MapFormat::Tum), &short).await.unwrap();
     });
 }
 

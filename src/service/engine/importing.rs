@@ -43,6 +43,14 @@ impl ImportRoom {
         self.reached = self.reached + growth;
         Ok(())
     }
+
+    /// Reserves memory beside the map, for files as they are parsed. The map's own limits do not count it.
+    ///
+    /// # Errors
+    /// [`EngineError::TenantLimit`], [`EngineError::ServerLimit`].
+    pub fn set_aside(&mut self, bytes: u64) -> Result<(), EngineError> {
+        self.held.grow(Usage { bytes, ..Usage::default() })
+    }
 }
 
 /// What an imported map has of its own.

@@ -13,6 +13,7 @@ use covis_solvers::io::IoError;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapImage, ColmapModel};
 use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::io::natural_cmp;
+use covis_solvers::io::reading::{Content, FileCounts};
 use covis_solvers::io::trajectory::{Trajectory, nanoseconds_of_seconds};
 
 use super::File;
@@ -66,6 +67,16 @@ impl Building {
         let created = Change::Created { policy, create_time_ns: 0, display_name: String::new() };
         building.apply("the map", created)?;
         Ok(building)
+    }
+
+    /// Reserves what files take once they are parsed: up to 32 times their bytes.
+    fn price(&mut self, content: Content, files: &[&[u8]]) -> Result<(), ServiceError> {
+        let mut counts = FileCounts::default();
+        for file in files {
+            counts.add(file);
+            counts.end_file();
+        }
+        Ok(self.room.set_aside(counts.price(content).problem)?)
     }
 
     fn client(&mut self, name: &str) -> Result<ClientIndex, ServiceError> {
@@ -132,6 +143,11 @@ fn colmap(
 ) -> Result<(), ServiceError> {
     let [cameras, images, points] = encoding.file_names();
     let bytes = [named(files, cameras)?, named(files, images)?, named(files, points)?];
+    let content = match encoding {
+        ColmapEncoding::Text => Content::ColmapText,
+        ColmapEncoding::Binary => Content::ColmapBinary,
+    };
+    building.price(content, &bytes)?;
     let model = ColmapModel::parse(encoding, bytes, Path::new(""));
     let model = model.map_err(|error| unreadable(&error))?;
     let client = building.client(client)?;
@@ -208,6 +224,7 @@ fn keyframe(id: i64, capture_time_ns: i64, world_from_camera: Se3) -> Item {
 fn g2o(building: &mut Building, files: &[File], client: &str) -> Result<(), ServiceError> {
     let [file] = files else { return Err(refused("a pose graph is one file")) };
     let path = &file.path;
+    building.price(Content::Graph, &[&file.bytes])?;
     let graph = G2oGraph::parse(&file.bytes, Path::new(path));
     let graph = match graph.map_err(|error| unreadable(&error))? {
         G2oGraph::Se3(graph) if graph.has_vertices() => graph,
@@ -252,6 +269,7 @@ fn tum(building: &mut Building, files: &[File], client: &str) -> Result<(), Serv
     }
     for file in files {
         let path = &file.path;
+        building.price(Content::Trajectory, &[&file.bytes])?;
         let trajectory = Trajectory::parse(&file.bytes, Path::new(path));
         let trajectory = trajectory.map_err(|error| unreadable(&error))?;
         let name = path.rsplit('/').next().and_then(|name| name.strip_suffix(".tum"));
