@@ -167,21 +167,45 @@ fn a_folder_of_problems_is_solved_in_order_and_its_solutions_come_back() {
 }
 
 #[test]
-fn paths_of_clients_become_no_paths_of_the_server() {
+fn files_that_cannot_lie_beside_each_other_and_the_report_are_refused() {
     run(async {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("data");
-        let data = path.clone();
-        let server = TestServer::with(|config| config.data_dir = Some(data)).await;
+        let server = TestServer::start().await;
         let jobs = Jobs::of(&server);
-        let uploaded = jobs.upload(&[("../../../outside.g2o", twin(GRAPH))]).await.unwrap();
-        let spec =
-            v1::SolveFilesSpec { upload_id: uploaded, keep_solutions: true, ..Default::default() };
-        jobs.create("out", Spec::SolveFiles(spec)).await.unwrap();
-        let job = jobs.success("out").await;
-        assert_eq!(job.files[1].path, "outside.g2o");
-        let outside: Vec<_> = fs_err::read_dir(folder.path()).unwrap().collect();
-        assert_eq!(outside.len(), 1, "{outside:?}");
-        server.running.shutdown().await;
+        let cases: [(&[&str], &str); 13] = [
+            (&["../../outside.g2o"], "OUT_OF_RANGE"),
+            (&["a/../b.g2o"], "OUT_OF_RANGE"),
+            (&["/a.g2o"], "OUT_OF_RANGE"),
+            (&["a.g2o", "./a.g2o"], "OUT_OF_RANGE"),
+            (&["a//b.g2o"], "OUT_OF_RANGE"),
+            (&["a/"], "OUT_OF_RANGE"),
+            (&[".."], "OUT_OF_RANGE"),
+            (&["c:a.g2o"], "OUT_OF_RANGE"),
+            (&["a\\b.g2o"], "OUT_OF_RANGE"),
+            (&["report.json"], "OUT_OF_RANGE"),
+            (&["report.json/a.g2o"], "OUT_OF_RANGE"),
+            (&["a", "a/b.g2o"], "INCONSISTENT"),
+            (&["a/b/c.g2o", "d.g2o", "a/b"], "INCONSISTENT"),
+        ];
+        for (paths, reason) in cases {
+            let files: Vec<_> = paths.iter().map(|path| (*path, twin(GRAPH))).collect();
+            let status = jobs.upload(&files).await.unwrap_err();
+            check_field(&status, "chunk.path", reason);
+            let path = format!("{:?}", paths.last().unwrap());
+            assert!(status.message().contains(&path), "{path}: {status}");
+        }
+        assert_eq!(held(&server).await, 0);
+        // What only looks alike is taken, and keeps its path.
+        let paths = ["a", "ab/c", "sub/report.json", "..a/b..c", "report.json2"];
+        let files: Vec<_> = paths.iter().map(|path| (*path, twin(GRAPH))).collect();
+        let uploaded = jobs.upload(&files).await.unwrap();
+        let spec = v1::SolveFilesSpec {
+            upload_id: uploaded,
+            kind: v1::ProblemFileKind::PoseGraph.into(),
+            keep_solutions: true,
+        };
+        jobs.create("kept", Spec::SolveFiles(spec)).await.unwrap();
+        let job = jobs.success("kept").await;
+        let made: Vec<&str> = job.files.iter().map(|file| file.path.as_str()).collect();
+        assert_eq!(made, [&["report.json"], &paths[..]].concat());
     });
 }

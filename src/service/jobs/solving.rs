@@ -31,6 +31,7 @@ use serde_json::{Value, json};
 use super::checkpoints::Checkpoints;
 use super::progress::{StagesLeft, TimeLeft};
 use super::reading::admit;
+use super::uploads::is_plain;
 use super::{JobError, report};
 use crate::service::convert::count;
 use crate::service::convert::solve::{
@@ -290,10 +291,10 @@ impl Source {
     }
 }
 
-/// The path of a file that a client writes below a folder of its own: relative, without "..".
+/// The path of a file that a client writes below a folder of its own: relative, without "..". That of an
+/// upload stays as it is.
 fn kept_path(path: &str) -> String {
-    let is_plain = |part: &&str| !matches!(*part, "" | "." | "..") && !part.contains(['\\', ':']);
-    let parts: Vec<&str> = path.split('/').filter(is_plain).collect();
+    let parts: Vec<&str> = path.split('/').filter(|part| is_plain(part)).collect();
     if parts.is_empty() { "problem".to_owned() } else { parts.join("/") }
 }
 

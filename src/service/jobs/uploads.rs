@@ -11,6 +11,7 @@ use tokio::sync::mpsc;
 use tonic::Streaming;
 
 use super::entry::on_disk;
+use super::run::REPORT;
 use super::{JobError, Jobs, Table};
 use crate::map::Reason;
 use crate::service::access::Caller;
@@ -58,6 +59,37 @@ impl Waiting {
     /// When it is dropped, Unix time in seconds.
     pub(super) fn expires(&self) -> i64 {
         self.upload.create_time_s.saturating_add(LIFETIME_S)
+    }
+}
+
+/// Whether a part of a path is a plain name, on every system.
+pub(super) fn is_plain(part: &str) -> bool {
+    !matches!(part, "" | "." | "..") && !part.contains(['\\', ':'])
+}
+
+/// Refuses the path of a file that cannot lie in one folder with the files before it and with the report:
+/// solutions have the paths of their problems.
+fn check_path(path: &str, files: &[(String, u64)]) -> Result<(), ServiceError> {
+    let refused = |reason, text: &str| {
+        Err(ServiceError::field("chunk.path", reason, format!("{path:?}: {text}")))
+    };
+    if !path.split('/').all(is_plain) {
+        let text = r#"a path is relative, without "..", ".", empty parts, "\" and ":""#;
+        return refused(Reason::OutOfRange, text);
+    }
+    let is_below = |path: &str, folder: &str| {
+        path.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))
+    };
+    if path == REPORT || is_below(path, REPORT) {
+        return refused(Reason::OutOfRange, "this is the path of the job's report");
+    }
+    let meets = |(other, _): &&(String, u64)| is_below(path, other) || is_below(other, path);
+    match files.iter().find(meets) {
+        Some((other, _)) => {
+            let text = format!("a file is no folder beside {other:?}");
+            refused(Reason::Inconsistent, &text)
+        }
+        None => Ok(()),
     }
 }
 
@@ -173,6 +205,7 @@ impl Jobs {
                 if files.iter().any(|(other, _)| *other == path) {
                     return Err(sent_before());
                 }
+                check_path(&path, &files)?;
                 if files.len() == MAX_FILES {
                     let maximum = count(MAX_FILES);
                     return Err(ServiceError::ServerLimit { limit: "max_upload_files", maximum });
