@@ -12,7 +12,7 @@ use v1::ingest_request::Item;
 
 use crate::common::{
     LANDMARKS, Stream, TestServer, camera, check_field, check_status, keyframe, landmark,
-    relative_pose, run,
+    relative_pose, run, vector3,
 };
 
 /// Exports a map and puts its files together.
@@ -122,6 +122,40 @@ fn g2o_has_keyframes_and_the_edges_of_the_pose_graph() {
         let status = export(&server, "room", v1::MapFormat::G2o).await.unwrap_err();
         check_status(&status, Code::FailedPrecondition, "FORMAT_CANNOT_HOLD_MAP");
         assert!(status.message().contains("keyframe 0"), "{}", status.message());
+    });
+}
+
+#[test]
+fn a_pose_whose_inverse_is_no_number_is_not_written_for_colmap() {
+    run(async {
+        let server = TestServer::start().await;
+        let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+        server.create_map_with("room", policy).await;
+        let (mut stream, _) = Stream::open(&server, "room", "robot", 0).await;
+        stream.put(1, Item::Camera(camera(0))).await;
+        let far = v1::RigidTransform {
+            translation: Some(vector3([1.7e308, 1.7e308, 0.0])),
+            // Half of a right angle about z: the inverse has the sum of both.
+            rotation: Some(v1::Quaternion {
+                w: (std::f64::consts::PI / 8.0).cos(),
+                z: (std::f64::consts::PI / 8.0).sin(),
+                ..Default::default()
+            }),
+        };
+        let frame = v1::Keyframe {
+            world_from_camera: Some(far),
+            observations: Vec::new(),
+            landmarks: Vec::new(),
+            ..keyframe(7)
+        };
+        let ack = stream.put(2, Item::Keyframe(frame)).await;
+        assert!(ack.violations.is_empty(), "{ack:?}");
+        for format in [v1::MapFormat::ColmapText, v1::MapFormat::ColmapBinary] {
+            let status = export(&server, "room", format).await.unwrap_err();
+            check_status(&status, Code::FailedPrecondition, "FORMAT_CANNOT_HOLD_MAP");
+            assert!(status.message().contains("keyframe robot/7"), "{status}");
+        }
+        assert!(export(&server, "room", v1::MapFormat::Tum).await.is_ok());
     });
 }
 

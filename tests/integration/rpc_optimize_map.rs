@@ -38,6 +38,33 @@ fn optimize_map_streams_iterations_and_applies_the_result() {
 }
 
 #[test]
+fn a_step_of_which_the_model_expects_nothing_has_a_quality_of_zero() {
+    run(async {
+        let server = TestServer::start().await;
+        server.create_map("room").await;
+        server.build_map("room", 5).await;
+        let request = v1::OptimizeMapRequest {
+            options: Some(v1::SolverOptions {
+                // The step is 0.
+                initial_damping: Some(1e300),
+                max_iteration_count: Some(30),
+                function_tolerance: Some(0.0),
+                gradient_tolerance: Some(0.0),
+                parameter_tolerance: Some(0.0),
+                ..Default::default()
+            }),
+            problem: v1::MapProblem::PoseGraph.into(),
+            ..optimize("room")
+        };
+        let (rows, result) = server.optimize_map(request).await.unwrap();
+        assert!(rows.len() > 1, "{result:?}");
+        for row in rows {
+            assert!(row.step_quality.is_finite(), "{row:?}");
+        }
+    });
+}
+
+#[test]
 fn optimize_map_refuses_what_it_cannot_solve() {
     run(async {
         let server = TestServer::start().await;

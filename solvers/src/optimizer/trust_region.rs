@@ -446,6 +446,7 @@ impl Run<'_> {
         step: Option<(Step, f64, f64)>,
         observer: &mut Observer<'_>,
     ) -> Option<Termination> {
+        let quality = step.map(|(_, quality, _)| quality);
         let row = IterationSummary {
             iteration,
             cost: self.state.cost,
@@ -454,7 +455,8 @@ impl Run<'_> {
             damping: step.map_or(0.0, |(_, _, damping)| damping),
             gradient_max_norm: self.gradient_max_norm,
             step_norm: step.map_or(0.0, |(step, _, _)| step.norm),
-            step_quality: step.map_or(0.0, |(_, quality, _)| quality),
+            // Not a number where the model predicts nothing, infinite where the cost of the step is.
+            step_quality: quality.filter(|quality| quality.is_finite()).unwrap_or(0.0),
         };
         self.state.rows.push(row);
         if observer(&row) == Control::Cancel {

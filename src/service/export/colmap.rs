@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use covis_solvers::geometry::LieGroup;
 use covis_solvers::io::colmap::{
     ColmapCamera, ColmapEncoding, ColmapImage, ColmapKeypoint, ColmapPoint,
 };
@@ -80,6 +81,12 @@ impl Numbers {
         for (id, keyframe) in map.keyframes().iter() {
             if keyframe.camera.is_none_or(|camera| !map.cameras().contains_key(&camera)) {
                 return Err(format!("keyframe {} has no camera", image_name(map, *id)));
+            }
+            // The files have the inverse, whose translation sums up coordinates.
+            let pose = keyframe.world_from_camera.inverse();
+            if !pose.translation.iter().all(|coordinate| coordinate.is_finite()) {
+                let name = image_name(map, *id);
+                return Err(format!("keyframe {name} is too far away for a pose of COLMAP"));
             }
         }
         let positioned = map.landmarks().iter().filter(|(_, l)| l.position.is_some());

@@ -649,7 +649,7 @@ pub struct IterationSummary {
     #[prost(double, tag = "6")]
     pub damping: f64,
     /// Actual over predicted decrease of the cost, before the step was lengthened. Under a loss the inner
-    /// iterations that follow the step count as part of it. 0 in row 0.
+    /// iterations that follow the step count as part of it. 0 in row 0, and where it is not finite.
     #[prost(double, tag = "7")]
     pub step_quality: f64,
     /// Time since the solve began, microseconds.
@@ -783,10 +783,10 @@ pub struct SolveSummary {
     /// The same for people; not to be parsed.
     #[prost(string, tag = "2")]
     pub description: ::prost::alloc::string::String,
-    /// Cost before.
+    /// Cost before. Infinite where it is above the largest number.
     #[prost(double, tag = "3")]
     pub initial_cost: f64,
-    /// Cost after; that of the best state, which is the one answered.
+    /// Cost after; that of the best state, which is the one answered. Infinite likewise.
     #[prost(double, tag = "4")]
     pub final_cost: f64,
     /// Both by kind of factor, sorted by kind; only kinds that occur.
@@ -3664,7 +3664,9 @@ impl ::prost::Name for UndoMergeResponse {
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct FileChunk {
     /// Path with '/' below the folder of the export, never absolute and without "..". Of an upload: 1 to
-    /// 1024 bytes, without control characters and marks of direction, because terminals obey them.
+    /// 1024 bytes, without control characters and marks of direction, because terminals obey them. Of
+    /// files for a job also relative, without "..", ".", empty parts, backslashes and colons, not
+    /// "report.json", and none that is the folder of another.
     #[prost(string, tag = "1")]
     pub path: ::prost::alloc::string::String,
     /// Where in the file the data begins, bytes. Chunks of a file come in order, without gaps.
@@ -4616,7 +4618,7 @@ pub mod map_service_client {
         /// * INVALID_ARGUMENT: a bad map_id or format.
         /// * NOT_FOUND: no such map.
         /// * FAILED_PRECONDITION: the format cannot hold this map, for instance a keyframe without camera
-        ///  in COLMAP.
+        ///  in COLMAP, or one whose pose is too far away for it.
         /// * RESOURCE_EXHAUSTED: too many exports at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         pub async fn export_map(
@@ -4651,8 +4653,9 @@ pub mod map_service_client {
         /// * INVALID_ARGUMENT: a bad field of the header, chunks out of order, or a file that is damaged or
         ///  of a later version; the description names file and line, byte or record.
         /// * ALREADY_EXISTS: the map_id is taken.
-        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or
-        ///  streams, or more than 256 MiB of files of a format other than MAP_FORMAT_COVIS.
+        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, also while the files
+        ///  are read, too many maps or streams, or more than 256 MiB of files of a format other than
+        ///  MAP_FORMAT_COVIS.
         /// * DEADLINE_EXCEEDED: no message came for 120 s.
         /// * INTERNAL: a bug.
         pub async fn import_map(
@@ -4684,7 +4687,7 @@ pub mod map_service_client {
         ///
         /// * INVALID_ARGUMENT: a bad map_id or client_id.
         /// * NOT_FOUND: no such map, or no such client in it.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         pub async fn get_trajectory(
             &mut self,
@@ -4715,7 +4718,7 @@ pub mod map_service_client {
         ///
         /// * INVALID_ARGUMENT: a bad map_id, page_size, page_token or read_mask.
         /// * NOT_FOUND: no such map.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         pub async fn list_keyframes(
             &mut self,
@@ -4746,7 +4749,7 @@ pub mod map_service_client {
         ///
         /// * INVALID_ARGUMENT: a bad map_id, page_size, page_token or read_mask.
         /// * NOT_FOUND: no such map.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         pub async fn list_landmarks(
             &mut self,
@@ -4778,7 +4781,7 @@ pub mod map_service_client {
         ///
         /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
         /// * NOT_FOUND: no such map.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         pub async fn list_constraints(
             &mut self,
@@ -4810,7 +4813,7 @@ pub mod map_service_client {
         ///
         /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
         /// * NOT_FOUND: no such map.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         pub async fn list_place_searches(
             &mut self,
@@ -5007,7 +5010,7 @@ pub mod map_service_server {
         /// * INVALID_ARGUMENT: a bad map_id or format.
         /// * NOT_FOUND: no such map.
         /// * FAILED_PRECONDITION: the format cannot hold this map, for instance a keyframe without camera
-        ///  in COLMAP.
+        ///  in COLMAP, or one whose pose is too far away for it.
         /// * RESOURCE_EXHAUSTED: too many exports at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         async fn export_map(
@@ -5022,8 +5025,9 @@ pub mod map_service_server {
         /// * INVALID_ARGUMENT: a bad field of the header, chunks out of order, or a file that is damaged or
         ///  of a later version; the description names file and line, byte or record.
         /// * ALREADY_EXISTS: the map_id is taken.
-        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or
-        ///  streams, or more than 256 MiB of files of a format other than MAP_FORMAT_COVIS.
+        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, also while the files
+        ///  are read, too many maps or streams, or more than 256 MiB of files of a format other than
+        ///  MAP_FORMAT_COVIS.
         /// * DEADLINE_EXCEEDED: no message came for 120 s.
         /// * INTERNAL: a bug.
         async fn import_map(
@@ -5044,7 +5048,7 @@ pub mod map_service_server {
         ///
         /// * INVALID_ARGUMENT: a bad map_id or client_id.
         /// * NOT_FOUND: no such map, or no such client in it.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         async fn get_trajectory(
             &self,
@@ -5064,7 +5068,7 @@ pub mod map_service_server {
         ///
         /// * INVALID_ARGUMENT: a bad map_id, page_size, page_token or read_mask.
         /// * NOT_FOUND: no such map.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         async fn list_keyframes(
             &self,
@@ -5084,7 +5088,7 @@ pub mod map_service_server {
         ///
         /// * INVALID_ARGUMENT: a bad map_id, page_size, page_token or read_mask.
         /// * NOT_FOUND: no such map.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         async fn list_landmarks(
             &self,
@@ -5105,7 +5109,7 @@ pub mod map_service_server {
         ///
         /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
         /// * NOT_FOUND: no such map.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         async fn list_constraints(
             &self,
@@ -5129,7 +5133,7 @@ pub mod map_service_server {
         ///
         /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
         /// * NOT_FOUND: no such map.
-        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * RESOURCE_EXHAUSTED: too many lists at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         async fn list_place_searches(
             &self,
