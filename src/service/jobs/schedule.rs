@@ -129,13 +129,11 @@ impl Jobs {
     /// [`JobError`] where the folder of jobs cannot be read.
     pub(in crate::service) async fn load(context: &Context) -> Result<(), JobError> {
         let jobs = &context.jobs;
-        let found = on_disk(&jobs.files, |files| {
-            let folders = files.list()?;
-            Ok(folders.into_iter().map(|folder| read(files, folder)).collect::<Vec<_>>())
-        });
+        let folders = on_disk(&jobs.files, |files| Ok(files.list()?)).await?;
         let mut entries = Vec::new();
-        for found in found.await? {
-            match found {
+        for folder in folders {
+            // One at a time: a record as it is read takes many times what an ended job keeps of it.
+            match on_disk(&jobs.files, move |files| Ok(read(files, folder))).await? {
                 FolderContent::Job(job) => entries.push(jobs.restored(*job, context)),
                 FolderContent::Upload(folder, upload) => {
                     let account = jobs.accounts.tenant(&upload.tenant);
