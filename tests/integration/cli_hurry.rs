@@ -235,6 +235,8 @@ fn a_terminal_gets_a_progress_bar_and_a_pipe_none() {
     // `script` runs a command on a terminal of its own.
     let on_terminal = Command::new("script")
         .args(["--quiet", "--return", "--command", &synth, "/dev/null"])
+        // A dumb one would get no bar.
+        .env("TERM", "xterm")
         .stdin(Stdio::null())
         .output();
     let Ok(on_terminal) = on_terminal else {
