@@ -254,7 +254,7 @@ impl Context {
     ///
     /// # Errors
     /// [`ServiceError`] where the server ends.
-    pub(super) async fn shown(&self, info: MapInfo) -> Result<v1::Map, ServiceError> {
+    pub(super) async fn map_message(&self, info: MapInfo) -> Result<v1::Map, ServiceError> {
         let queued = self.config.engine.queue_capacity;
         Self::blocking(move || Ok(to_map(&info, queued))).await
     }

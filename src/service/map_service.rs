@@ -39,7 +39,7 @@ impl Rpcs {
         })?;
         let name = caller.engine_name(&map_id);
         let info = self.context.maps.create(&name, &display_name, policy).await?;
-        Ok(v1::CreateMapResponse { map: Some(self.context.shown(info).await?) })
+        Ok(v1::CreateMapResponse { map: Some(self.context.map_message(info).await?) })
     }
 
     async fn update(
@@ -51,7 +51,7 @@ impl Rpcs {
         let map = self.map(&caller, &request.map_id).await?;
         let update = convert(|out| update::update(&request, &limits, out))?;
         let info = map.update(update).await?;
-        Ok(v1::UpdateMapResponse { map: Some(self.context.shown(info).await?) })
+        Ok(v1::UpdateMapResponse { map: Some(self.context.map_message(info).await?) })
     }
 
     async fn list(
@@ -72,7 +72,7 @@ impl Rpcs {
             let name = shown(handle.name()).to_owned();
             match handle.listed().await {
                 Ok(info) => {
-                    let map = self.context.shown(info).await?;
+                    let map = self.context.map_message(info).await?;
                     let length = map.encoded_len() + listing::ENTRY_OVERHEAD;
                     if !maps.is_empty() && bytes + length > listing::MESSAGE_BYTES {
                         more = true;
@@ -129,7 +129,7 @@ impl Rpcs {
         let merged = merged.map_err(ServiceError::from);
         change("MergeMaps", &caller, peer, &map_id, &merged);
         let merged = merged?;
-        let map = self.context.shown(merged.map.clone()).await?;
+        let map = self.context.map_message(merged.map.clone()).await?;
         Ok(merge::to_response(&merged, map))
     }
 
@@ -148,7 +148,8 @@ impl Rpcs {
         let undone = undone.map_err(ServiceError::from);
         change("UndoMerge", &caller, peer, &source, &undone);
         let (map, source) = undone?;
-        let (map, source) = (self.context.shown(map).await?, self.context.shown(source).await?);
+        let (map, source) =
+            (self.context.map_message(map).await?, self.context.map_message(source).await?);
         Ok(v1::UndoMergeResponse { map: Some(map), source: Some(source) })
     }
 
@@ -196,7 +197,7 @@ impl MapService for Rpcs {
             let snapshot = Arc::clone(&info.snapshot);
             let of_hints = Arc::clone(&snapshot);
             let hints = Context::blocking(move || Ok(to_hints(&of_hints))).await?;
-            let map = Some(v1::Map { hints, ..self.context.shown(info).await? });
+            let map = Some(v1::Map { hints, ..self.context.map_message(info).await? });
             let mut answer = v1::GetMapResponse { map, ..v1::GetMapResponse::default() };
             if request.get_ref().include_digests {
                 let digests = move || Ok((snapshot.content_hash(), snapshot.keyframe_ids_digest()));

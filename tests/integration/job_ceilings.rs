@@ -122,14 +122,16 @@ fn what_a_job_reads_is_priced_before_it_is_read() {
     });
 }
 
+/// A server whose jobs are in a folder.
+async fn server_of(folder: &Path) -> TestServer {
+    TestServer::with(|config| config.data_dir = Some(folder.to_owned())).await
+}
+
 #[test]
 fn a_truth_counts_as_in_memory_until_its_job_has_ended_and_is_known_after_that() {
     run(async {
         let folder = tempfile::tempdir().unwrap();
-        let start = async || {
-            TestServer::with(|config| config.data_dir = Some(folder.path().to_owned())).await
-        };
-        let server = start().await;
+        let server = server_of(folder.path()).await;
         let jobs = Jobs::of(&server);
         unsolved_map(&server, "house", 4).await;
         let truth = |first: i64| {
@@ -171,7 +173,7 @@ fn a_truth_counts_as_in_memory_until_its_job_has_ended_and_is_known_after_that()
         };
         known(&jobs).await;
         server.running.shutdown().await;
-        let server = start().await;
+        let server = server_of(folder.path()).await;
         let kept = held(&server, "job_bytes").await;
         assert!((record..record + 8192).contains(&kept), "{kept} for a record of {record}");
         known(&Jobs::of(&server)).await;
@@ -213,10 +215,7 @@ fn with_blind_cameras(blind: usize) -> Vec<u8> {
 fn many_reconstructions_with_many_unplaced_keyframes_make_a_job_that_can_be_answered() {
     run(async {
         let folder = tempfile::tempdir().unwrap();
-        let start = async || {
-            TestServer::with(|config| config.data_dir = Some(folder.path().to_owned())).await
-        };
-        let server = start().await;
+        let server = server_of(folder.path()).await;
         let jobs = Jobs::of(&server);
         let names: Vec<String> = (0..8).map(|k| format!("scene-{k}.txt")).collect();
         let files: Vec<_> =
@@ -253,7 +252,7 @@ fn many_reconstructions_with_many_unplaced_keyframes_make_a_job_that_can_be_answ
         let listed = jobs.list(Default::default()).await.unwrap().jobs;
         assert!(listed.len() == 1 && listed.into_iter().all(is_answered));
         server.running.shutdown().await;
-        let server = start().await;
+        let server = server_of(folder.path()).await;
         assert!(is_answered(Jobs::of(&server).get("night").await.unwrap()));
         server.running.shutdown().await;
     });

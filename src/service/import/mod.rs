@@ -76,7 +76,7 @@ pub(super) async fn import(
         }
     };
     let info = context.maps.import(room, &name, content, imported).await?;
-    Ok(v1::ImportMapResponse { map: Some(context.shown(info).await?) })
+    Ok(v1::ImportMapResponse { map: Some(context.map_message(info).await?) })
 }
 
 fn header(

@@ -224,7 +224,7 @@ pub(super) async fn merge(
     let merged = merged.map_err(ServiceError::from);
     change("MergeMaps", &run.caller, None, &map_id, &merged);
     let merged = merged?;
-    let response = merging::to_response(&merged, context.shown(merged.map.clone()).await?);
+    let response = merging::to_response(&merged, context.map_message(merged.map.clone()).await?);
     let report = json!({
         "source": map_id,
         "target": request.target_map_id,
