@@ -10,15 +10,15 @@ use v1::ingest_request::Item;
 use v1::{export_map_response, import_map_request};
 
 use crate::common::{
-    LANDMARKS, Stream, TestServer, camera, check_field, check_retry, check_status, information3,
-    keyframe, occupy, relative_pose, run,
+    LANDMARKS, Stream, TestServer, check_field, check_retry, check_status, information3, keyframe,
+    relative_pose, run,
 };
 use crate::durable::on_disk;
-use crate::sequence::adjusted;
 
 pub(crate) type File = (String, Vec<u8>);
 
-async fn export(server: &TestServer, map_id: &str, format: v1::MapFormat) -> Vec<File> {
+/// The files of an export.
+pub(crate) async fn export(server: &TestServer, map_id: &str, format: v1::MapFormat) -> Vec<File> {
     let request = v1::ExportMapRequest { map_id: map_id.to_owned(), format: format.into() };
     let mut stream = server.maps().export_map(request).await.unwrap().into_inner();
     let mut files: Vec<File> = Vec::new();
@@ -73,7 +73,7 @@ pub(crate) async fn import(
 }
 
 /// The map and its hash over the wire.
-async fn get(server: &TestServer, map_id: &str) -> Result<(v1::Map, Vec<u8>), Status> {
+pub(crate) async fn get(server: &TestServer, map_id: &str) -> Result<(v1::Map, Vec<u8>), Status> {
     let request = v1::GetMapRequest { map_id: map_id.to_owned(), include_digests: true };
     let answer = server.maps().get_map(request).await?.into_inner();
     Ok((answer.map.unwrap(), answer.state_hash))
@@ -462,56 +462,4 @@ proptest! {
             assert!(get(&server, "copy").await.is_err());
         });
     }
-}
-
-/// A true loop closure of the scene.
-fn closure(id: i64, i: i64, j: i64) -> Item {
-    let kind = v1::ConstraintKind::LoopClosure.into();
-    Item::RelativePose(v1::RelativePoseConstraint { kind, ..relative_pose(id, i, j) })
-}
-
-#[test]
-fn an_import_goes_on_with_the_solves_that_were_outstanding_at_the_export() {
-    run(async {
-        let (here, there) = (TestServer::start().await, TestServer::start().await);
-        here.create_map("room").await;
-        let (mut stream, _) = Stream::open(&here, "room", "robot", 0).await;
-        let busy = occupy(&here).await;
-        stream.put(1, Item::Camera(camera(0))).await;
-        for id in 0..4 {
-            stream.put(id + 2, Item::Keyframe(keyframe(id))).await;
-        }
-        stream.put(6, closure(0, 0, 3)).await;
-        let files = export(&here, "room", v1::MapFormat::Covis).await;
-        let imported = import(&there, header("hall", v1::MapFormat::Covis), &files).await.unwrap();
-        let (stream, _) = Stream::open(&there, "hall", "robot", 0).await;
-        // It ends when the solves of its client have ended.
-        stream.finish().await.unwrap();
-        let (map, _) = get(&there, "hall").await.unwrap();
-        assert!(map.revision > imported.revision + 1, "opening a stream was the only event");
-        drop(busy);
-    });
-}
-
-#[test]
-fn an_import_starts_the_adjustment_that_was_due() {
-    run(async {
-        let server = TestServer::start().await;
-        let waits = v1::MapPolicy { closure_adjustment: Some(false), ..Default::default() };
-        server.create_map_with("room", waits).await;
-        server.build_map("room", 4).await;
-        let (stream, opened) = Stream::open(&server, "room", "robot", 0).await;
-        stream.send(opened.next_sequence, closure(0, 0, 3)).await;
-        stream.finish().await.unwrap();
-        let (before, _) = get(&server, "room").await.unwrap();
-        let files = export(&server, "room", v1::MapFormat::Covis).await;
-        let own = v1::ImportMapHeader {
-            policy: Some(v1::MapPolicy::default()),
-            ..header("hall", v1::MapFormat::Covis)
-        };
-        import(&server, own, &files).await.unwrap();
-        adjusted(&server, "hall").await;
-        let (after, _) = get(&server, "hall").await.unwrap();
-        assert!(after.revision > before.revision, "an adjustment is an event");
-    });
 }
