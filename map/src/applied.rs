@@ -23,7 +23,7 @@ use super::numbers::is_finite;
 use super::window::is_well_placed;
 use super::{
     AppliedSolve, ClientIndex, ClosureEdge, ConstraintKind, EntityId, Gauge, GraphProblem,
-    Keyframe, Landmark, Map, MapProblem, SolveKind, SwitchedOff,
+    Keyframe, Landmark, Map, MapProblem, OdometryNoise, SolveKind, SwitchedOff,
 };
 
 /// A problem whose values a solver has moved.
@@ -137,6 +137,16 @@ fn closure_variances(map: &Map, solved: Solved<'_>) -> Vec<(ClientIndex, f64)> {
     found.filter(|&(client, variance)| known(client) != Some(variance)).collect()
 }
 
+/// What a window found of the odometry of clients, where that differs from the map's.
+fn odometry_noise(map: &Map, solved: Solved<'_>) -> Vec<(ClientIndex, OdometryNoise)> {
+    let Solved::Bundle(problem) = solved else { return Vec::new() };
+    let found = problem.noise.iter().map(|(&client, &noise)| (client, noise));
+    let differs = |&(client, noise): &(ClientIndex, OdometryNoise)| {
+        map.client(client).is_some_and(|known| known.odometry_noise != noise)
+    };
+    found.filter(differs).collect()
+}
+
 /// The change that a solved problem makes to the map as it is now.
 ///
 /// `covered` names the sequences that the solve covers; `costs` are ½ Σ ρ before and after it.
@@ -156,8 +166,14 @@ pub fn applied(
         solved.poses().into_iter().filter(|(id, _)| was_solved(id)).collect();
     let mut landmarks = solved.landmarks();
     keep_gauge(map_now, solved.gauge(map_now), kind, &mut poses, &mut landmarks);
-    let late = late_poses(map_now, start, &poses);
+    let late = late_poses(map_now, solved, &poses);
+    let late_ids: Vec<EntityId> = late.iter().map(|&(id, _)| id).collect();
     poses.extend(late);
+    // What waits for a window may have become the first keyframe.
+    let ids: BTreeSet<EntityId> = late_ids.into_iter().collect();
+    for held in map_now.held_among(solved.gauge(map_now), &ids) {
+        poses.remove(&held);
+    }
 
     let mut landmarks: Vec<(EntityId, Vector3<f64>)> = landmarks
         .into_iter()
@@ -196,6 +212,7 @@ pub fn applied(
         switched_off,
         switched_on,
         closure_variances: closure_variances(map_now, solved),
+        odometry_noise: odometry_noise(map_now, solved),
         left_frames,
         covered,
         initial_cost: costs.0,
@@ -217,40 +234,54 @@ fn carried(motion: &Se3, position: &Vector3<f64>) -> Option<Vector3<f64>> {
     is_finite(&moved).then_some(moved)
 }
 
-/// New poses of the keyframes that arrived after the solve began.
+/// New poses of the keyframes that arrived after the solve began, and of those that wait for another one.
 fn late_poses(
     map: &Map,
-    start_revision: i64,
-    solved: &BTreeMap<EntityId, Se3>,
+    solved: Solved<'_>,
+    poses: &BTreeMap<EntityId, Se3>,
 ) -> Vec<(EntityId, Se3)> {
-    let since = (start_revision.saturating_add(1), EntityId::MIN);
-    let late = map.by_age.entries_from(since).map(|(&(_, id), ())| id);
-    let late: Vec<(EntityId, &Keyframe)> =
-        late.filter_map(|id| Some((id, map.keyframes().get(&id)?))).collect();
-    let clients: BTreeSet<ClientIndex> = late.iter().map(|(id, _)| id.client).collect();
-    // The keyframes that existed when the solve began, by client in capture time.
-    let known: BTreeMap<ClientIndex, Vec<(EntityId, &Keyframe)>> = clients
-        .into_iter()
-        .map(|client| {
-            let mut trajectory = map.trajectory(client);
-            trajectory.retain(|(_, k)| k.added_revision <= start_revision);
-            (client, trajectory)
-        })
-        .collect();
-    late.into_iter()
-        .filter_map(|(id, keyframe)| {
-            let trajectory = known.get(&id.client)?;
-            let key = (keyframe.capture_time_ns, id);
-            let after = trajectory.partition_point(|(id, k)| (k.capture_time_ns, *id) < key);
-            let near = after.checked_sub(1).or(Some(after)).and_then(|i| trajectory.get(i));
-            let reference = match near {
-                Some(&(reference, _)) => reference,
-                None => most_shared(map, id, start_revision)?,
-            };
-            let moved = motion(map.keyframes().get(&reference)?, solved.get(&reference))?;
-            Some((id, moved.compose(&keyframe.world_from_camera)))
-        })
-        .collect()
+    let start = solved.start_revision();
+    let carried = match solved {
+        Solved::Bundle(problem) => problem.carried.clone(),
+        Solved::Graph(_) => BTreeSet::new(),
+    };
+    let since = (start.saturating_add(1), EntityId::MIN);
+    let arrived = map.by_age.entries_from(since).map(|(&(_, id), ())| id);
+    let late: BTreeSet<EntityId> = arrived.chain(carried).collect();
+    let key = |&id: &EntityId| Some((id.client, map.keyframes().get(&id)?.capture_time_ns, id));
+    let mut order: Vec<_> = late.iter().filter_map(key).collect();
+    order.sort_unstable();
+    // Those behind each other follow the same one.
+    let mut references: BTreeMap<EntityId, EntityId> = BTreeMap::new();
+    let mut moved = Vec::new();
+    for (_, _, id) in order {
+        let before = map.keyframe_before(id).map(|(before, _)| before);
+        let before = before.and_then(|id| {
+            if late.contains(&id) { references.get(&id).copied() } else { Some(id) }
+        });
+        let reference =
+            before.or_else(|| first_after(map, id, &late)).or_else(|| most_shared(map, id, start));
+        let Some(reference) = reference else { continue };
+        references.insert(id, reference);
+        let (Some(keyframe), Some(known)) =
+            (map.keyframes().get(&id), map.keyframes().get(&reference))
+        else {
+            continue;
+        };
+        if let Some(motion) = motion(known, poses.get(&reference)) {
+            moved.push((id, motion.compose(&keyframe.world_from_camera)));
+        }
+    }
+    moved
+}
+
+/// The first keyframe behind `id` in its trajectory that is not late.
+fn first_after(map: &Map, id: EntityId, late: &BTreeSet<EntityId>) -> Option<EntityId> {
+    let mut after = map.keyframe_after(id)?.0;
+    while late.contains(&after) {
+        after = map.keyframe_after(after)?.0;
+    }
+    Some(after)
 }
 
 /// The keyframe known at the start that shares most landmarks with `keyframe`, then the lowest id.

@@ -4,7 +4,10 @@
 //! What is hashed never changes for maps that exist: what came later is added only where it is used.
 
 use super::hash::Hash;
-use super::{Change, Digest, EntityId, Keyframe, Landmark, Map, NewLandmark, SwitchedOff};
+use super::{
+    Change, Client, Digest, EntityId, Keyframe, Landmark, Map, NewLandmark, OdometryNoise,
+    SwitchedOff,
+};
 
 /// The kinds of entity whose content as sent is remembered. Their order is in snapshots and hashes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -97,6 +100,14 @@ impl Map {
             hash.tag(2);
             hash.u64(index);
             hash.f64(client.closure_variance);
+        }
+        let other = |client: &Client| client.odometry_noise != OdometryNoise::default();
+        let learned = (0_u64..).zip(self.clients()).filter(|(_, c)| other(c));
+        for (index, client) in learned {
+            hash.tag(10);
+            hash.u64(index);
+            let OdometryNoise { translation_share, rotation_rad, pairs } = client.odometry_noise;
+            [translation_share, rotation_rad, pairs].into_iter().for_each(|x| hash.f64(x));
         }
         let moved = (0_u64..).zip(self.clients()).filter(|(_, c)| !c.earlier_frames.is_empty());
         for (index, client) in moved {

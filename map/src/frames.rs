@@ -87,31 +87,65 @@ impl Map {
         (0..).zip(self.clients()).filter_map(|(index, _)| left(ClientIndex(index))).collect()
     }
 
-    /// What moves the start estimate of a client's next keyframe into the present frame, where it is of
-    /// an earlier one: by the newest keyframe and the odometry since it is nearer there. Both poses are in
-    /// the map's unit.
+    /// What moves the start estimate of a client's next keyframe to where it belongs in the map, where that
+    /// is not where it was sent. All poses are in the map's unit.
+    ///
+    /// A robot that sends its odometry as start estimates does not know of corrections, one that knows of them
+    /// sends estimates in the map's frame, and one that was relocalized starts elsewhere. Which it is, `cost`
+    /// tells: how badly a pose fits what the keyframe sees of the map; `None` where it sees too little of it.
+    /// Then odometry decides: the estimate follows from the newest keyframe in the frame in which it is near.
     pub(super) fn start_motion(
         &self,
         client: ClientIndex,
         world_from_camera: &Se3,
         odom_from_camera: Option<&Se3>,
+        cost: impl Fn(&Se3) -> Option<f64>,
     ) -> Option<Se3> {
-        let frames = &self.client(client)?.earlier_frames;
-        if frames.is_empty() {
-            return None;
-        }
         let (_, newest) = self.newest_keyframe(client)?;
-        // Without odometry the robot can only be near to where it was.
-        let odometry = odom_from_camera.unwrap_or(&newest.odom_from_camera);
+        let present = newest.map_from_odom();
+        let carried = match odom_from_camera {
+            // The start estimate is odometry itself, of which the map has moved the frame.
+            None => present,
+            Some(odom) => present.compose(odom).compose(&world_from_camera.inverse()),
+        };
+        let earlier = &self.client(client)?.earlier_frames;
+        let left = earlier.iter().map(|frame| present.compose(&frame.inverse()));
+        let carried = self.policy().odometry.then_some(carried);
+        let motions: Vec<Se3> = carried.into_iter().chain(left).filter(Se3::is_finite).collect();
+        if let Some(as_sent) = cost(world_from_camera) {
+            let moved = |motion: &Se3| cost(&motion.compose(world_from_camera));
+            let costs = motions.iter().filter_map(|motion| Some((moved(motion)?, *motion)));
+            let best = costs.min_by(|a, b| a.0.total_cmp(&b.0));
+            return best.filter(|best| best.0 < as_sent).map(|best| best.1);
+        }
+        match odom_from_camera {
+            None => {
+                let step = |pose: &Se3| {
+                    let step = newest.world_from_camera.inverse().compose(pose);
+                    step.translation.norm() + step.rotation.log().norm()
+                };
+                let moved = |motion: &Se3| step(&motion.compose(world_from_camera));
+                let nearest = motions.into_iter().min_by(|a, b| moved(a).total_cmp(&moved(b)))?;
+                (moved(&nearest) < step(world_from_camera)).then_some(nearest)
+            }
+            Some(odometry) => self.left_motion(earlier, (&present, odometry), world_from_camera),
+        }
+    }
+
+    /// What moves a start estimate of an earlier frame into the present one: by the odometry it is nearer to
+    /// where that frame has it, unless odometry began anew.
+    fn left_motion(
+        &self,
+        earlier: &[Se3],
+        (present, odometry): (&Se3, &Se3),
+        world_from_camera: &Se3,
+    ) -> Option<Se3> {
         let distance = |frame: &Se3| {
             let error = frame.compose(odometry).inverse().compose(world_from_camera);
             error.translation.norm() + error.rotation.log().norm()
         };
-        let present = newest.map_from_odom();
-        let nearest = frames.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        // It follows from the odometry, unless that began anew.
-        let most = if odom_from_camera.is_some() { FAR.0 + FAR.1 } else { f64::INFINITY };
-        let is_nearer = distance(nearest) < distance(&present).min(most);
+        let nearest = earlier.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        let is_nearer = distance(nearest) < distance(present).min(FAR.0 + FAR.1);
         is_nearer.then(|| present.compose(&nearest.inverse())).filter(Se3::is_finite)
     }
 }

@@ -150,6 +150,7 @@ impl Hash {
             gauge,
             geodetic_anchor,
             closure_adjustment,
+            odometry,
             place_recognition,
         } = policy;
         self.tag(u8::from(*local_bundle));
@@ -203,6 +204,9 @@ impl Hash {
         if let Some(Geodetic { latitude_deg, longitude_deg, height_m }) = geodetic_anchor {
             self.text("geodetic_anchor");
             [latitude_deg, longitude_deg, height_m].into_iter().for_each(|&x| self.f64(x));
+        }
+        if !odometry {
+            self.text("no_odometry");
         }
         if !closure_adjustment {
             self.text("no_closure_adjustment");

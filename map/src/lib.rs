@@ -47,6 +47,7 @@ mod merging;
 mod numbers;
 mod observations;
 mod observers;
+mod odometry;
 mod parts;
 mod pending_solve;
 pub mod place;
@@ -86,6 +87,7 @@ pub use merging::{Link, Merge, MergeError, MergedClient, MergedMap};
 pub use numbers::is_valid_camera;
 pub use observations::Observations;
 pub use observers::Observers;
+pub use odometry::OdometryNoise;
 pub use parts::MapParts;
 pub use pending_solve::{PendingSolve, SolveRequest};
 pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearches};
@@ -101,7 +103,7 @@ pub use surroundings::{Surroundings, likeness};
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
 pub use usage::{Counted, Counts, Exceeded, INDEXED_KEYFRAME, MapLimits, Usage};
-pub use window::{Window, choose_window};
+pub use window::{Window, choose_window, choose_window_while};
 
 /// Whether the map already has the content of an item of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,6 +128,8 @@ pub struct Map {
     descriptor_bytes: u64,
     /// The keyframes by the revision that added them.
     by_age: SharedMap<(i64, EntityId), ()>,
+    /// The keyframes of each client by capture time.
+    by_time: SharedMap<(ClientIndex, i64, EntityId), ()>,
     /// The landmarks that no keyframe sees, by the revision that added them.
     unseen: SharedMap<(i64, EntityId), ()>,
 }
@@ -276,10 +280,32 @@ impl Map {
 
     /// The keyframes of `client`, by capture time, then id.
     pub fn trajectory(&self, client: ClientIndex) -> Vec<(EntityId, &Keyframe)> {
-        let mut keyframes: Vec<_> =
-            self.parts.keyframes.range(client.ids()).map(|(&id, k)| (id, k)).collect();
-        keyframes.sort_by_key(|&(id, k)| (k.capture_time_ns, id));
-        keyframes
+        let own = self.by_time.entries_from((client, i64::MIN, EntityId::MIN));
+        let own = own.map(|(&key, ())| key).take_while(|key| key.0 == client);
+        own.filter_map(|(_, _, id)| Some((id, self.parts.keyframes.get(&id)?))).collect()
+    }
+
+    /// The last keyframe of a client by capture time, then id.
+    pub fn last_keyframe(&self, client: ClientIndex) -> Option<EntityId> {
+        let end = (ClientIndex(client.0.checked_add(1)?), i64::MIN, EntityId::MIN);
+        let (&(last, _, id), ()) = self.by_time.entry_before(&end)?;
+        (last == client).then_some(id)
+    }
+
+    /// The keyframe of the same client before this one, by capture time, then id.
+    pub fn keyframe_before(&self, id: EntityId) -> Option<(EntityId, &Keyframe)> {
+        let key = (id.client, self.parts.keyframes.get(&id)?.capture_time_ns, id);
+        let (&(client, _, before), ()) = self.by_time.entry_before(&key)?;
+        let known = (client == id.client).then(|| self.parts.keyframes.get(&before))?;
+        known.map(|keyframe| (before, keyframe))
+    }
+
+    /// The keyframe of the same client after this one.
+    pub fn keyframe_after(&self, id: EntityId) -> Option<(EntityId, &Keyframe)> {
+        let key = (id.client, self.parts.keyframes.get(&id)?.capture_time_ns, id);
+        let (&(client, _, after), ()) = self.by_time.entries_from(key).nth(1)?;
+        let known = (client == id.client).then(|| self.parts.keyframes.get(&after))?;
+        known.map(|keyframe| (after, keyframe))
     }
 
     /// Whether item `sequence` of `client` is journaled, and with this digest.

@@ -146,13 +146,25 @@ impl Map {
             keyframes.iter().map(|(&id, k)| ((k.added_revision, id), ())).collect();
         by_age.sort_unstable();
         let by_age = by_age.into_iter().collect();
+        let time = |(&id, k): (&EntityId, &Keyframe)| ((id.client, k.capture_time_ns, id), ());
+        let mut by_time: Vec<_> = keyframes.iter().map(time).collect();
+        by_time.sort_unstable();
+        let by_time = by_time.into_iter().collect();
         let unseen = landmarks.iter().filter(|(_, landmark)| landmark.observers.is_empty());
         let mut unseen: Vec<_> = unseen.map(|(&id, l)| ((l.added_revision, id), ())).collect();
         unseen.sort_unstable();
         let unseen = unseen.into_iter().collect();
         let ties = Ties::new(constraints, priors);
-        let map =
-            Self { parts, ties, covisibility, observation_count, descriptor_bytes, by_age, unseen };
+        let map = Self {
+            parts,
+            ties,
+            covisibility,
+            observation_count,
+            descriptor_bytes,
+            by_age,
+            by_time,
+            unseen,
+        };
         if let Some(&id) = map.switched_off().keys().find(|id| !map.has_constraint(**id)) {
             return Err(unknown(EntityKind::Constraint, id));
         }

@@ -62,6 +62,8 @@ impl ClosureRobustness {
 pub struct MapPolicy {
     /// Whether each keyframe starts local bundle adjustment (true).
     pub local_bundle: bool,
+    /// Whether odometry ties consecutive keyframes of a client (true).
+    pub odometry: bool,
     /// Whether a loop-closure constraint or a prior starts pose-graph optimization (true).
     pub loop_closure: bool,
     /// Whether the places that closures join are compared and the whole map is adjusted after a pose
@@ -77,7 +79,8 @@ pub struct MapPolicy {
     pub loop_closure_robustness: ClosureRobustness,
     /// Landmarks that two keyframes must share to have an edge in the pose graph (15).
     pub min_shared_landmarks: usize,
-    /// Loss of reprojection factors in local bundle adjustment (Huber, width 2).
+    /// Loss of reprojection factors in local bundle adjustment (Geman and McClure, width 2): it lets go of
+    /// what moves by itself and of wrong tracks.
     pub observation_loss: Loss,
     /// Loss of relative-pose constraints (trivial).
     pub constraint_loss: Loss,
@@ -99,6 +102,7 @@ impl Default for MapPolicy {
     fn default() -> Self {
         Self {
             local_bundle: true,
+            odometry: true,
             loop_closure: true,
             closure_adjustment: true,
             place_recognition: true,
@@ -108,7 +112,7 @@ impl Default for MapPolicy {
             },
             window_keyframes: 20,
             min_shared_landmarks: 15,
-            observation_loss: Loss::Huber(2.0),
+            observation_loss: Loss::GemanMcClure(2.0),
             constraint_loss: Loss::Trivial,
             max_local_iterations: 10,
             limits: MapLimits::default(),

@@ -19,7 +19,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
 
-use super::{EntityId, Landmark, Map, Prior};
+use super::{ClientIndex, EntityId, Landmark, Map, Prior};
 
 /// Cosine of the least angle, 1°, between the ray of the first observer and another one.
 const MIN_PARALLAX_COS: f64 = 0.999_847_695_156_391_3;
@@ -33,11 +33,24 @@ pub struct Window {
     pub fixed: Vec<EntityId>,
     /// Landmarks that may move: with a position, and seen from far enough apart or with a depth.
     pub landmarks: Vec<EntityId>,
+    /// Keyframes that wait for another window and go with the keyframe before them.
+    pub carried: BTreeSet<EntityId>,
 }
 
 /// The window around keyframes, all of which may move; empty when the map holds none of them.
 #[must_use]
 pub fn choose_window(map: &Map, keyframes: &[EntityId]) -> Window {
+    choose_window_while(map, keyframes, &BTreeSet::new())
+}
+
+/// The same while the keyframes `waiting` have had no solve of their own. Those at the end of a trajectory
+/// are where odometry puts them: in the window they may move, around it they hold nothing.
+#[must_use]
+pub fn choose_window_while(
+    map: &Map,
+    keyframes: &[EntityId],
+    waiting: &BTreeSet<EntityId>,
+) -> Window {
     let held = keyframes.iter().copied().filter(|id| map.keyframes().contains_key(id));
     let mut free: BTreeSet<EntityId> = held.collect();
     if free.is_empty() {
@@ -72,6 +85,12 @@ pub fn choose_window(map: &Map, keyframes: &[EntityId]) -> Window {
         .flat_map(|l| l.observers.iter().copied())
         .filter(|id| !free.contains(id))
         .collect();
+    if map.policy().odometry {
+        fixed.extend(map.beside(&free));
+    }
+    let mut carried = tails(map, waiting);
+    carried.retain(|id| !free.contains(id));
+    fixed.retain(|id| !carried.contains(id));
     let is_pose_prior = |id| matches!(map.priors().get(&id), Some(Prior::Pose { .. }));
     let has_pose_prior = free.iter().any(|&id| map.ties().of(id).any(is_pose_prior));
     for id in map.held_among(map.policy().gauge, &free) {
@@ -86,7 +105,22 @@ pub fn choose_window(map: &Map, keyframes: &[EntityId]) -> Window {
         free.remove(&oldest);
         fixed.insert(oldest);
     }
-    Window { free: free.into_iter().collect(), fixed: fixed.into_iter().collect(), landmarks }
+    let (free, fixed) = (free.into_iter().collect(), fixed.into_iter().collect());
+    Window { free, fixed, landmarks, carried }
+}
+
+/// The keyframes of `waiting` behind which, in their trajectories, there are only others of them.
+fn tails(map: &Map, waiting: &BTreeSet<EntityId>) -> BTreeSet<EntityId> {
+    let clients: BTreeSet<ClientIndex> = waiting.iter().map(|id| id.client).collect();
+    let mut tails = BTreeSet::new();
+    for client in clients {
+        let mut next = map.last_keyframe(client);
+        while let Some(id) = next.filter(|id| waiting.contains(id)) {
+            tails.insert(id);
+            next = map.keyframe_before(id).map(|(before, _)| before);
+        }
+    }
+    tails
 }
 
 /// The keyframes that see duplicates of what `keyframe` sees, once for each.

@@ -59,6 +59,7 @@ mod map_gauge;
 mod map_hints;
 mod map_merging;
 mod map_numbers;
+mod map_odometry;
 mod map_placement;
 mod map_places;
 mod map_priors;

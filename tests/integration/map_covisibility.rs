@@ -91,7 +91,8 @@ fn a_landmark_that_thousands_see_takes_memory_in_proportion() {
     // The newest keyframe has the newest as neighbors, and an old one those of its time.
     let window = choose_window(map, &[id(KEYFRAMES - 1)]);
     let all = [window.fixed, window.free].concat();
-    assert_eq!(all, (KEYFRAMES - 20..KEYFRAMES).map(id).collect::<Vec<_>>());
+    // Odometry ties it to one more.
+    assert_eq!(all, (KEYFRAMES - 21..KEYFRAMES).map(id).collect::<Vec<_>>());
     let neighbors: Vec<_> = map.covisibility().neighbors(id(1000)).map(|(id, _)| id.id).collect();
     assert_eq!((neighbors.first(), neighbors.last()), (Some(&968), Some(&1032)));
 }

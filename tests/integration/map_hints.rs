@@ -18,6 +18,7 @@ fn quiet() -> v1::MapPolicy {
         local_bundle_adjustment: Some(false),
         loop_closure_optimization: Some(false),
         closure_adjustment: Some(false),
+        odometry: Some(false),
         place_recognition: Some(v1::PlaceRecognition { enabled: Some(false) }),
         ..Default::default()
     }

@@ -68,7 +68,9 @@ fn pinhole(camera: &mut v1::Camera) -> &mut v1::PinholeRadialTangential {
 pub(crate) fn check(cases: Vec<(Item, &str, Reason)>) {
     run(async move {
         let server = TestServer::start().await;
-        server.create_map("room").await;
+        // No start is moved to where its views fit.
+        let policy = v1::MapPolicy { odometry: Some(false), ..Default::default() };
+        server.create_map_with("room", policy).await;
         server.build_map("room", 2).await;
         let revision = async || {
             let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };

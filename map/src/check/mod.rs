@@ -146,7 +146,8 @@ impl Check<'_> {
                 }
                 let landmarks = self.landmarks("keyframe.landmarks", landmarks);
                 let odom = odom_from_camera.as_ref();
-                let motion = self.motion(world_from_camera, odom, &landmarks);
+                let seen = (camera_id.flatten(), &**observations);
+                let motion = self.motion(world_from_camera, odom, &landmarks, seen);
                 let moved = |pose: &Se3| motion.map_or(*pose, |m: Sim3| m.transform_pose(pose));
                 let new_landmarks: Vec<NewLandmark> =
                     landmarks.iter().map(|new| new.moved_by(motion.as_ref())).collect();

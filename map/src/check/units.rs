@@ -6,15 +6,37 @@
 
 use std::fmt::{Arguments, Display};
 
-use covis_solvers::geometry::{LieGroup, Se3, Sim3};
+use covis_solvers::geometry::{Camera, LieGroup, Se3, Sim3};
 use covis_solvers::information::Information;
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use super::Check;
 use crate::numbers::is_finite;
-use crate::{Depth, ItemObservation, NewLandmark, Reason, scaling};
+use crate::{Depth, EntityId, ItemObservation, NewLandmark, Reason, scaling};
 
 const OVERFLOWS: &str = "it is out of range in the map's unit of length";
+
+/// Points of the map that a keyframe must see to tell where it is.
+const LEAST_SEEN: usize = 10;
+/// The most that one of them counts against a pose, squared deviations.
+const MOST_MISFIT: f64 = 100.0;
+
+/// A point of the map and where a keyframe sees it.
+struct Sight {
+    point: Vector3<f64>,
+    pixel: Vector2<f64>,
+    sigma_px: f64,
+}
+
+/// How badly a pose fits what a keyframe sees.
+fn misfit(camera: &Camera, seen: &[Sight], world_from_camera: &Se3) -> f64 {
+    let of = |sight: &Sight| {
+        let at = camera.project(&world_from_camera.inverse_transform(&sight.point));
+        let squared = at.map(|at| ((at - sight.pixel) / sight.sigma_px).norm_squared());
+        squared.filter(|squared| *squared < MOST_MISFIT).unwrap_or(MOST_MISFIT)
+    };
+    seen.iter().map(of).sum()
+}
 
 impl Check<'_> {
     /// Length in the map of the sender's unit of length.
@@ -29,6 +51,7 @@ impl Check<'_> {
         world_from_camera: &Se3,
         odom_from_camera: Option<&Se3>,
         landmarks: &[NewLandmark],
+        (camera, observations): (Option<EntityId>, &[ItemObservation]),
     ) -> Option<Sim3> {
         let scale = self.scale();
         let is_within = |motion: &Sim3| {
@@ -38,11 +61,31 @@ impl Check<'_> {
         };
         let odometry = odom_from_camera.map(|odom| self.scaled("keyframe.odom_from_camera", odom));
         let start = self.scaled("keyframe.world_from_camera", world_from_camera);
-        let motion = self.map.start_motion(self.client, &start, odometry.as_ref());
+        let seen = self.seen_again(camera, observations);
+        let cost = |pose: &Se3| seen.as_ref().map(|(camera, seen)| misfit(camera, seen, pose));
+        let motion = self.map.start_motion(self.client, &start, odometry.as_ref(), cost);
         let motion = motion.map(|motion| Sim3 { scale, ..motion.into() });
         // A frame in which it overflows is not the one that it is of.
         let motion = motion.filter(is_within);
         motion.or_else(|| (scale != 1.0).then(|| scaling::similarity(scale)))
+    }
+
+    /// The camera of a keyframe, and what it sees of the map: pixels with their deviation, and points that
+    /// are there.
+    fn seen_again(
+        &self,
+        camera: Option<EntityId>,
+        observations: &[ItemObservation],
+    ) -> Option<(Camera, Vec<Sight>)> {
+        let camera = self.map.cameras().get(&camera?)?.camera;
+        let sight = |sent: &ItemObservation| {
+            let landmark = self.map.landmarks().get(&self.resolve(&sent.landmark)?)?;
+            let is_known = !landmark.observers.is_empty() && sent.sigma_px > 0.0;
+            let point = landmark.position.filter(|_| is_known)?;
+            Some(Sight { point, pixel: sent.pixel, sigma_px: sent.sigma_px })
+        };
+        let seen: Vec<Sight> = observations.iter().filter_map(sight).collect();
+        (seen.len() >= LEAST_SEEN).then_some((camera, seen))
     }
 
     /// A pose in the map's unit.

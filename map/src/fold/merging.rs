@@ -45,6 +45,7 @@ impl Map {
             self.descriptor_bytes += image_bytes(new.global_descriptor.as_deref());
             self.parts.keyframes.insert(id, new);
             self.by_age.insert((revision, id), ());
+            self.by_time.insert((id.client, keyframe.capture_time_ns, id), ());
         }
         // Once every keyframe is there: the counts of shared landmarks depend on their ages.
         for (&id, keyframe) in &parts.keyframes {

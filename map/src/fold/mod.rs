@@ -96,6 +96,7 @@ impl Map {
                 self.descriptor_bytes += image_bytes(keyframe.global_descriptor.as_deref());
                 self.parts.keyframes.insert(*id, keyframe);
                 self.by_age.insert((self.parts.revision, *id), ());
+                self.by_time.insert((id.client, *capture_time_ns, *id), ());
                 self.add_observations(*id, observations);
             }
             Change::LandmarksAdded { landmarks, scale } => {
@@ -301,6 +302,11 @@ impl Map {
                 client.closure_variance = variance;
             }
         }
+        for &(client, noise) in &solve.odometry_noise {
+            if let Some(client) = self.parts.clients.get_mut(client.0 as usize) {
+                client.odometry_noise = noise;
+            }
+        }
         for &(client, frame) in &solve.left_frames {
             if let Some(client) = self.parts.clients.get_mut(client.0 as usize) {
                 frames::remember(&mut client.earlier_frames, frame);
@@ -323,6 +329,7 @@ impl Map {
         self.descriptor_bytes -= descriptor_bytes(&keyframe.observations);
         self.descriptor_bytes -= image_bytes(keyframe.global_descriptor.as_deref());
         self.by_age.remove(&(keyframe.added_revision, id));
+        self.by_time.remove(&(id.client, keyframe.capture_time_ns, id));
         self.parts.place_searches.remove(id);
         for observation in keyframe.observations.iter() {
             self.forget_observer(observation.landmark, id);

@@ -16,6 +16,7 @@ use covis_solvers::robust::default_threshold;
 
 use super::{GlobalOptions, MapProblem};
 use crate::gauge::held_poses;
+use crate::odometry;
 use crate::window::is_usable;
 use crate::{ConstraintKind, Depth, EntityId, Gauge, Keyframe, Map, Prior, Window};
 
@@ -39,10 +40,11 @@ pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
     let poses = poses.chain(window.fixed.iter().map(|&id| (id, true)));
     let mut builder = Builder::new(map, map.policy().observation_loss);
     builder.strained_priors_wait = map.policy().loop_closure;
+    builder.ties_odometry = true;
     poses.for_each(|(id, constant)| builder.keyframe(id, constant));
     window.landmarks.iter().for_each(|&id| builder.landmark(id));
     builder.window_frame = window_frame(map, window);
-    builder.finish(true)
+    MapProblem { carried: window.carried.clone(), ..builder.finish(true) }
 }
 
 /// The problem of the whole map.
@@ -120,6 +122,9 @@ struct Builder<'a> {
     pose_of: BTreeMap<EntityId, usize>,
     landmark_of: BTreeMap<EntityId, u32>,
     duplicates: Vec<(EntityId, usize)>,
+    /// Whether odometry ties poses, and the relative poses that do.
+    ties_odometry: bool,
+    odometry: Vec<usize>,
     /// Whether priors are left out that the estimates do not fit.
     strained_priors_wait: bool,
     /// Whether what depends on estimates counts: which landmarks have one, which observations they do not
@@ -148,6 +153,8 @@ impl<'a> Builder<'a> {
             pose_of: BTreeMap::new(),
             landmark_of: BTreeMap::new(),
             duplicates: Vec::new(),
+            ties_odometry: false,
+            odometry: Vec::new(),
             strained_priors_wait: false,
             looks_at_estimates: true,
             gauge: None,
@@ -239,6 +246,9 @@ impl<'a> Builder<'a> {
             }
         }
         self.pose_factors(&mut measured);
+        if self.ties_odometry {
+            self.odometry(&mut measured);
+        }
         for (constant, &count) in self.problem.constant_poses.iter_mut().zip(&measured) {
             *constant |= count < MIN_OBSERVATIONS;
         }
@@ -249,7 +259,13 @@ impl<'a> Builder<'a> {
         // A keyframe alone fixes no frame but its own.
         let holds = self.held.iter().any(|&pose| measured[pose] >= MIN_OBSERVATIONS);
         let frame = self.window_frame.or(self.gauge.filter(|_| holds));
+        let clients = self.odometry.iter().map(|&at| self.problem.relative_poses[at].j);
+        let clients = clients.map(|pose| self.keyframes[pose].client);
+        let noise = clients.filter_map(|c| Some((c, map.client(c)?.odometry_noise))).collect();
         MapProblem {
+            odometry: self.odometry,
+            noise,
+            carried: BTreeSet::new(),
             frame: frame.unwrap_or(otherwise),
             gauge: self.gauge,
             problem: self.problem,
@@ -281,6 +297,27 @@ impl<'a> Builder<'a> {
             count += 1;
         }
         count
+    }
+
+    /// Ties free poses to those before and after them by odometry.
+    fn odometry(&mut self, measured: &mut [usize]) {
+        for j in 0..self.keyframes.len() {
+            let Some(tie) = self.map.odometry_tie(self.keyframes[j]) else { continue };
+            let Some(&i) = self.pose_of.get(&tie.before) else { continue };
+            if self.problem.constant_poses[i] && self.problem.constant_poses[j] {
+                continue;
+            }
+            self.odometry.push(self.problem.relative_poses.len());
+            self.problem.relative_poses.push(RelativePose {
+                i,
+                j,
+                i_from_j: tie.before_from_keyframe,
+                information: tie.information,
+                loss: Some(odometry::LOSS),
+            });
+            measured[i] += MIN_OBSERVATIONS;
+            measured[j] += MIN_OBSERVATIONS;
+        }
     }
 
     /// Adds constraints and priors; a pose that one of them ties fully counts as measured.

@@ -9,7 +9,7 @@ mod graph;
 mod priors;
 mod reconstructed;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{Camera, Se3};
@@ -17,7 +17,7 @@ use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
 use covis_solvers::robust::VarianceFactors;
 
-use super::{ClientIndex, EntityId, Gauge, SwitchedOff};
+use super::{ClientIndex, EntityId, Gauge, OdometryNoise, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem, observation_problem, retirement_problem};
 pub use graph::measured_graph;
@@ -36,6 +36,13 @@ pub struct MapProblem {
     pub start_cameras: Vec<Camera>,
     /// The map's id of each landmark.
     pub landmarks: Vec<EntityId>,
+    /// The relative poses that odometry measured, by their place in the problem.
+    pub odometry: Vec<usize>,
+    /// How uncertain the odometry of their clients counts as; [`MapProblem::learn_noise`] changes it.
+    pub noise: BTreeMap<ClientIndex, OdometryNoise>,
+    /// Keyframes that wait for a solve of their own and are not in the problem: they go with the keyframe
+    /// before them.
+    pub carried: BTreeSet<EntityId>,
     /// Landmarks that are one with another one of the problem, and that one's place.
     pub duplicates: Vec<(EntityId, usize)>,
     /// The map's revision that it was built from.

@@ -123,6 +123,23 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
         leaf.last().map(|(key, value)| (key, value))
     }
 
+    /// The entry of the highest key below this one.
+    pub fn entry_before(&self, key: &K) -> Option<(&K, &V)> {
+        let branch = self.branches.partition_point(|part| part.0 < *key).checked_sub(1)?;
+        let leaves = &self.branches[branch].1;
+        let leaf = leaves.partition_point(|part| part.0 < *key).checked_sub(1)?;
+        let entries = &leaves[leaf].1;
+        let entry = match entries.partition_point(|entry| entry.0 < *key).checked_sub(1) {
+            Some(at) => entries.get(at),
+            // The leaf has lost the entries that it began with.
+            None => match leaf.checked_sub(1) {
+                Some(leaf) => leaves[leaf].1.last(),
+                None => self.branches[branch.checked_sub(1)?].1.last()?.1.last(),
+            },
+        };
+        entry.map(|(key, value)| (key, value))
+    }
+
     /// The entries of these keys, rising.
     pub fn range(&self, keys: RangeInclusive<K>) -> impl Iterator<Item = (&K, &V)> {
         let (first, last) = keys.into_inner();

@@ -123,6 +123,7 @@ proptest! {
             }
             for key in -150..150 {
                 prop_assert_eq!(map.get(&key), model.get(&key));
+                prop_assert_eq!(map.entry_before(&key), model.range(..key).next_back());
             }
         }
     }
@@ -152,7 +153,9 @@ proptest! {
         prop_assert!(map.iter().eq(model.iter()));
         for (first, length) in asked {
             let keys = first..=first + length;
-            prop_assert!(map.range(keys.clone()).eq(model.range(keys)));
+            prop_assert!(map.range(keys.clone()).eq(model.range(keys.clone())));
+            let before = model.range(..keys.start()).next_back();
+            prop_assert_eq!(map.entry_before(keys.start()), before);
             prop_assert_eq!(map.get(&first), model.get(&first));
         }
     }

@@ -16,6 +16,7 @@ mod landmarks;
 mod layout;
 mod maybe_owned;
 mod observe;
+mod pair_covariance;
 mod pose_factors;
 mod price;
 mod product;
@@ -26,6 +27,8 @@ pub mod split;
 mod system;
 mod under_loss;
 mod variables;
+
+pub use pair_covariance::{PairEstimate, pair_covariances};
 
 use std::sync::Arc;
 use std::time::Instant;

@@ -151,7 +151,9 @@ async fn prepare_map(
     retry: RetryPolicy,
 ) -> anyhow::Result<()> {
     let Some(map) = retry.run(|| client.find_map(map_id)).await? else {
-        return create_map(client, map_id, None, retry).await;
+        // The poses of a file are estimates of photographs and no odometry.
+        let policy = v1::MapPolicy { odometry: Some(false), ..v1::MapPolicy::default() };
+        return create_map(client, map_id, Some(policy), retry).await;
     };
     let counts = map.counts.unwrap_or_default();
     let entities = counts.camera_count + counts.keyframe_count + counts.landmark_count;

@@ -45,7 +45,7 @@ macro_rules! limit {
     };
 }
 
-const FIELDS: [Field; 22] = [
+const FIELDS: [Field; 23] = [
     field!(observation_loss, observation_loss),
     field!(constraint_loss, constraint_loss),
     field!(window_keyframe_count, window_keyframes),
@@ -53,6 +53,7 @@ const FIELDS: [Field; 22] = [
     field!(local_bundle_adjustment, local_bundle),
     field!(loop_closure_optimization, loop_closure),
     field!(closure_adjustment, closure_adjustment),
+    field!(odometry, odometry),
     Field {
         path: "place_recognition.enabled",
         copy: |from, to| {

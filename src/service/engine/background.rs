@@ -158,7 +158,7 @@ impl Background {
         self.launch(whole, SolveKind::LocalBundle, move |cancel| {
             let problem = local_problem(&map, &choose_window(&map, &ends));
             drop(map);
-            solve_window(problem, max_iterations, ceiling, cancel)
+            solve_window(problem, max_iterations, ceiling, cancel, false)
         });
     }
 

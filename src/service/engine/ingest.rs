@@ -28,9 +28,9 @@ const LARGEST_SHARE: u64 = 4;
 /// The bound of an item's growth is reserved only if there is room for this many times the bound.
 const FAR: u64 = 8;
 
-/// Permits for OPTIMIZED acks that a stream keeps. Solves coalesce, so that at most this many acks
-/// are outstanding: of the running solve, of those that wait, and of an earlier stream.
-const OPTIMIZED_PERMITS: usize = 4;
+/// Permits for OPTIMIZED acks that a stream keeps. A burst that ends has as many more acks; the last permit
+/// is kept for the last of them.
+const OPTIMIZED_PERMITS: usize = 16;
 
 /// Events beyond those of queued items: the end, and [`OPTIMIZED_PERMITS`].
 const EXTRA_EVENTS: usize = 1 + OPTIMIZED_PERMITS;
@@ -300,16 +300,20 @@ impl Ingest {
         }
     }
 
-    /// Sends OPTIMIZED acks to those clients that have a stream, up to their sequences.
+    /// Sends OPTIMIZED acks to those clients that have a stream, up to their sequences; for each it is said
+    /// whether another one follows, which stands for it where there is room for one only.
     pub(super) fn acknowledge_optimized(
         &mut self,
-        marks: impl IntoIterator<Item = (ClientIndex, i64)>,
+        marks: impl IntoIterator<Item = (ClientIndex, i64, bool)>,
         revision: i64,
         solve_id: i64,
         report: &SolveReport,
     ) {
-        for (client, sequence) in marks {
+        for (client, sequence, is_followed) in marks {
             let Some(stream) = self.streams.get_mut(&client) else { continue };
+            if is_followed && stream.optimized.len() == 1 {
+                continue;
+            }
             let Some(permit) = stream.optimized.pop() else {
                 tracing::warn!(sequence, "no room for an OPTIMIZED ack");
                 continue;

@@ -205,7 +205,7 @@ impl Actor {
     /// earlier item is outstanding.
     fn nothing_to_solve(&mut self, client: ClientIndex, sequence: i64) {
         let mark = self.solving.schedule.push_done(client, sequence);
-        let marks = mark.map(|mark| (client, mark));
+        let marks = mark.map(|mark| (client, mark, self.solving.schedule.is_waiting(client)));
         self.ingest.acknowledge_optimized(marks, self.map.revision(), 0, &SolveReport::Nothing);
     }
 }

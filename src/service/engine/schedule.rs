@@ -1,8 +1,8 @@
 //! The items that wait for a solve, in the order of their arrival.
 //!
 //! A trigger is an item that starts a solve: a window around keyframes, or a pose graph. A client's
-//! items are optimized up to sequence s once none of its triggers up to s is open. Within a batch the
-//! newest window is next, and a batch is finished before the next begins, so that no window starves.
+//! items are optimized up to sequence s once none of its triggers up to s is open. The oldest
+//! window is next.
 //! Plain state: it starts nothing.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -40,8 +40,6 @@ struct Trigger {
 pub(super) struct Schedule {
     open: BTreeMap<u64, Trigger>,
     next_arrival: u64,
-    /// Triggers that arrived before this one belong to the current batch.
-    batch_end: u64,
     /// Triggers that are done but wait for an earlier one of their client.
     done: BTreeMap<ClientIndex, BTreeSet<i64>>,
 }
@@ -115,19 +113,22 @@ impl Schedule {
         self.open.values().any(|trigger| matches!(trigger.task, Task::Window(_)))
     }
 
-    /// The keyframes whose window is next: those of the newest trigger of the batch.
-    pub(super) fn next_window(&mut self) -> Option<Arc<[EntityId]>> {
-        let newest = |end: u64| {
-            self.open.range(..end).rev().find_map(|(_, trigger)| match &trigger.task {
-                Task::Window(keyframes) => Some(Arc::clone(keyframes)),
-                Task::Loop | Task::Prior => None,
-            })
+    /// The keyframes whose window is next: those of the oldest trigger. Later ones are carried along until
+    /// then, so that a burst ends where the same items one by one end.
+    pub(super) fn next_window(&self) -> Option<Arc<[EntityId]>> {
+        self.open.values().find_map(|trigger| match &trigger.task {
+            Task::Window(keyframes) => Some(Arc::clone(keyframes)),
+            Task::Loop | Task::Prior => None,
+        })
+    }
+
+    /// The keyframes that wait for a window of their own.
+    pub(super) fn waiting(&self) -> BTreeSet<EntityId> {
+        let keyframe = |trigger: &Trigger| match &trigger.task {
+            Task::Window(keyframes) => <[EntityId; 1]>::try_from(&**keyframes).ok(),
+            Task::Loop | Task::Prior => None,
         };
-        if let Some(keyframes) = newest(self.batch_end) {
-            return Some(keyframes);
-        }
-        self.batch_end = self.next_arrival;
-        newest(self.batch_end)
+        self.open.values().filter_map(keyframe).map(|[id]| id).collect()
     }
 
     /// The open triggers whose keyframes are all among `centers` or `free`, which is sorted.

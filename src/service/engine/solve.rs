@@ -21,7 +21,7 @@ use covis_solvers::optimizer::{
     self, Control, IterationSummary, Method, SolveSummary, ignore_iterations,
 };
 use covis_solvers::price::Ceiling;
-use covis_solvers::problem::SolveError;
+use covis_solvers::problem::{BundleProblem, SolveError};
 use covis_solvers::reconstruction;
 use covis_solvers::robust::{PositionJudging, VarianceFactors};
 use tokio::sync::{mpsc, oneshot};
@@ -252,16 +252,71 @@ pub(super) fn solve_whole(
     }
 }
 
-/// Bundle adjustment of a window.
+/// Bundle adjustment of a window, which also `learns` how uncertain odometry is.
 pub(super) fn solve_window(
     problem: MapProblem,
     max_iterations: usize,
     ceiling: Ceiling,
     cancel: &Arc<AtomicBool>,
+    learns: bool,
 ) -> Outcome {
     let optimizer = optimizer::Options { max_iterations, ceiling, ..optimizer::Options::default() };
     let options = OptimizeOptions { optimizer, ..OptimizeOptions::default() };
-    solve_bundle(problem, &options, cancel, &mut ignore_iterations)
+    let mut outcome = solve_graduated(problem, &options, cancel);
+    if learns && let Ok(Some(Solution { moved: Moved::Bundle(problem), .. })) = &mut outcome {
+        problem.learn_noise();
+    }
+    outcome
+}
+
+/// Share of a keyframe's observations beyond the width of a loss that lets go from which on a solve begins with
+/// a convex one: below it the start is near, and what is beyond is wrong.
+const MOST_BEYOND: f64 = 0.5;
+
+/// Bundle adjustment by a loss that may let go of what does not fit. From a far start that would be nearly
+/// everything; there the convex loss of the same width comes first.
+fn solve_graduated(
+    mut problem: MapProblem,
+    options: &OptimizeOptions,
+    cancel: &Arc<AtomicBool>,
+) -> Outcome {
+    let loss = problem.problem.observation_loss;
+    let width = match loss {
+        Loss::GemanMcClure(width) | Loss::Tukey(width) | Loss::Cauchy(width) => Some(width),
+        Loss::Trivial | Loss::Huber(_) => None,
+    };
+    let Some(width) = width.filter(|&width| starts_far(&problem.problem, width)) else {
+        return solve_bundle(problem, options, cancel, &mut ignore_iterations);
+    };
+    let before = bundle_cost(&problem.problem);
+    problem.problem.observation_loss = Loss::Huber(width);
+    let mut problem = match solve_bundle(problem, options, cancel, &mut ignore_iterations) {
+        Ok(Some(Solution { moved: Moved::Bundle(problem), .. })) => problem,
+        other => return other,
+    };
+    problem.problem.observation_loss = loss;
+    let mut outcome = solve_bundle(*problem, options, cancel, &mut ignore_iterations);
+    if let Ok(Some(Solution { certificate, .. })) = &mut outcome {
+        certificate.solve.initial_cost = before.total;
+        certificate.before = before;
+    }
+    outcome
+}
+
+/// Whether a pose that may move starts so far off that most of what it sees is beyond `width` deviations.
+fn starts_far(bundle: &BundleProblem, width: f64) -> bool {
+    let mut seen = vec![(0_usize, 0_usize); bundle.poses.len()];
+    for observation in bundle.observations() {
+        let pose = observation.pose as usize;
+        let camera = &bundle.cameras[observation.camera as usize];
+        let point = &bundle.landmarks[observation.landmark as usize];
+        let residual = observation.seen.residual(&bundle.poses[pose], camera, point);
+        let is_beyond = residual.is_none_or(|r| r.norm_squared() > width * width);
+        seen[pose].0 += usize::from(is_beyond);
+        seen[pose].1 += 1;
+    }
+    let free = seen.into_iter().zip(&bundle.constant_poses).filter(|&(_, &constant)| !constant);
+    free.into_iter().any(|((beyond, all), _)| beyond as f64 > MOST_BEYOND * all as f64)
 }
 
 /// Bundle adjustment of the whole map.

@@ -26,8 +26,11 @@ use super::{
 };
 use crate::map::{
     AppliedSolve, Change, ClientIndex, EntityId, Map, RequestId, SolveKind, SwitchedOff, applied,
-    choose_window, local_problem,
+    choose_window_while, local_problem,
 };
+
+/// Windows of which one tells how uncertain odometry is: they overlap, and it takes as long as an iteration.
+const LEARN_EVERY: i64 = 8;
 
 /// The solve that runs.
 pub(super) struct Running {
@@ -160,13 +163,14 @@ impl Solving {
         let max_iterations = map.policy().max_local_iterations;
         let ceiling = self.shared.config.ceiling();
         let pairs = Arc::clone(&self.shared.pairs);
+        let waiting = self.schedule.waiting();
         let built = self.pool.compute_from(map, move |map| {
             // The pairs of an edit are measured by the pose graph that needs them.
             let unmeasured = match *centers {
                 [keyframe] => pairs.unmeasured_near(map, keyframe),
                 _ => Vec::new(),
             };
-            let window = choose_window(map, &centers);
+            let window = choose_window_while(map, &centers, &waiting);
             let problem = local_problem(map, &window);
             let estimate = problem.is_solvable().then(|| {
                 let bound = bundle_adjustment::price_bound(&problem.problem);
@@ -179,9 +183,10 @@ impl Solving {
         let Some(estimate) = estimate else { return Some(triggers) };
         let pairs = Arc::clone(&self.shared.pairs);
         let cancel = Arc::default();
+        let learns = (self.last_id + 1) % LEARN_EVERY == 0;
         self.launch(SolveKind::LocalBundle, false, triggers, estimate, cancel, move |cancel| {
             pairs.measure(unmeasured);
-            solve_window(problem, max_iterations, ceiling, cancel)
+            solve_window(problem, max_iterations, ceiling, cancel, learns)
         });
         None
     }
@@ -279,7 +284,10 @@ impl Actor {
 
     /// Closes triggers and sends the OPTIMIZED acks that this completes.
     fn optimized(&mut self, triggers: &[u64], solve_id: i64, report: &SolveReport) {
-        let marks = self.solving.schedule.close(triggers);
+        let schedule = &mut self.solving.schedule;
+        let marks = schedule.close(triggers);
+        let followed = |(client, sequence)| (client, sequence, schedule.is_waiting(client));
+        let marks: Vec<_> = marks.into_iter().map(followed).collect();
         self.ingest.acknowledge_optimized(marks, self.map.revision(), solve_id, report);
     }
 

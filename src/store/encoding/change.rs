@@ -2,6 +2,7 @@
 //!
 //! Both matches name every variant: a new kind of change does not compile until it has its message.
 
+use super::clients::{decode_noise, encode_noise};
 use super::entities::{
     decode_camera_set, decode_constraint, decode_descriptor, decode_id, decode_ids, decode_kind,
     decode_new_pose, decode_observations, decode_point, decode_policy, decode_pose, decode_prior,
@@ -310,6 +311,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         switched_off,
         switched_on,
         closure_variances,
+        odometry_noise,
         left_frames,
         covered,
         initial_cost,
@@ -341,6 +343,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         switched_off: switched_off.iter().map(|(id, off)| encode_switched_off(*id, off)).collect(),
         switched_on: encode_ids(switched_on),
         closure_variances: closure_variances.iter().map(variance).collect(),
+        odometry_noise: odometry_noise.iter().map(|(c, noise)| encode_noise(*c, noise)).collect(),
         left_frames: left_frames.iter().map(left_frame).collect(),
         request: request.map(Vec::from).unwrap_or_default(),
     }
@@ -375,6 +378,7 @@ fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
             .into_iter()
             .map(|of| (ClientIndex(of.client), f64::from_bits(of.variance)))
             .collect(),
+        odometry_noise: solve.odometry_noise.iter().map(decode_noise).collect(),
         left_frames: solve.left_frames.into_iter().map(left_frame).collect::<Decoded<_>>()?,
         covered: solve.covered.into_iter().map(covered).collect(),
         initial_cost: f64::from_bits(solve.initial_cost),

@@ -5,7 +5,7 @@ use super::entities::{
     decode_ids, decode_pose, decode_scale, encode_id, encode_ids, encode_pose, encode_scale,
 };
 use super::{EncodingError, v1};
-use crate::map::{Affected, Client, PendingSolve, SolveRequest};
+use crate::map::{Affected, Client, ClientIndex, OdometryNoise, PendingSolve, SolveRequest};
 
 pub(super) fn encode_client(client: &Client) -> v1::Client {
     let Client {
@@ -15,6 +15,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         optimized_sequence,
         pending_solve,
         closure_variance,
+        odometry_noise,
         earlier_frames,
         scale,
         has_left,
@@ -31,7 +32,29 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         earlier_frames: earlier_frames.iter().map(encode_pose).collect(),
         scale: encode_scale(*scale),
         has_left: *has_left,
+        odometry_noise: (*odometry_noise != OdometryNoise::default())
+            .then(|| encode_noise(ClientIndex(0), odometry_noise)),
     }
+}
+
+pub(super) fn encode_noise(client: ClientIndex, noise: &OdometryNoise) -> v1::OdometryNoise {
+    let OdometryNoise { translation_share, rotation_rad, pairs } = *noise;
+    v1::OdometryNoise {
+        client: client.0,
+        translation_share: translation_share.to_bits(),
+        rotation_rad: rotation_rad.to_bits(),
+        pairs: pairs.to_bits(),
+    }
+}
+
+pub(super) fn decode_noise(noise: &v1::OdometryNoise) -> (ClientIndex, OdometryNoise) {
+    let &v1::OdometryNoise { client, translation_share, rotation_rad, pairs } = noise;
+    let noise = OdometryNoise {
+        translation_share: f64::from_bits(translation_share),
+        rotation_rad: f64::from_bits(rotation_rad),
+        pairs: f64::from_bits(pairs),
+    };
+    (ClientIndex(client), noise)
 }
 
 pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError> {
@@ -45,6 +68,7 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
         earlier_frames,
         scale,
         has_left,
+        odometry_noise,
     } = client;
     let frame = |pose| decode_pose(Some(pose), "an earlier frame");
     Ok(Client {
@@ -55,6 +79,10 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
         pending_solve: unsolved.map(decode_unsolved).transpose()?,
         // An earlier version had none.
         closure_variance: closure_variance.map_or(1.0, f64::from_bits),
+        odometry_noise: odometry_noise
+            .as_ref()
+            .map(|noise| decode_noise(noise).1)
+            .unwrap_or_default(),
         earlier_frames: earlier_frames.into_iter().map(frame).collect::<Result<_, _>>()?,
         scale: decode_scale(scale),
         has_left,

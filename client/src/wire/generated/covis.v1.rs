@@ -1493,7 +1493,7 @@ impl ::prost::Name for MapClient {
 /// How the server keeps and optimizes a map. An absent field takes the server's default.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct MapPolicy {
-    /// Loss of reprojection and depth factors. Default Huber, width 2.
+    /// Loss of reprojection and depth factors. Default Geman-McClure, width 2.
     #[prost(message, optional, tag = "1")]
     pub observation_loss: ::core::option::Option<Loss>,
     /// Loss of relative-pose constraints that carry none of their own. Default trivial.
@@ -1536,6 +1536,10 @@ pub struct MapPolicy {
     /// (see Landmark.duplicate_of) and the whole map is adjusted in the background. Default true.
     #[prost(bool, optional, tag = "31")]
     pub closure_adjustment: ::core::option::Option<bool>,
+    /// Whether odom_from_camera ties consecutive keyframes of a client, with a noise that the server finds.
+    /// An ODOMETRY constraint of the client takes its place. Default true.
+    #[prost(bool, optional, tag = "33")]
+    pub odometry: ::core::option::Option<bool>,
     /// Whether and how the server finds loop closures itself. Default: it does.
     #[prost(message, optional, tag = "32")]
     pub place_recognition: ::core::option::Option<PlaceRecognition>,

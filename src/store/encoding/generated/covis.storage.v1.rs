@@ -245,6 +245,8 @@ pub struct Policy {
     pub closure_adjustment: ::core::option::Option<bool>,
     #[prost(bool, tag = "23")]
     pub place_recognition: bool,
+    #[prost(bool, optional, tag = "24")]
+    pub odometry: ::core::option::Option<bool>,
 }
 impl ::prost::Name for Policy {
     const NAME: &'static str = "Policy";
@@ -660,6 +662,8 @@ pub struct SolveApplied {
     pub left_frames: ::prost::alloc::vec::Vec<LeftFrame>,
     #[prost(bytes = "vec", tag = "12")]
     pub request: ::prost::alloc::vec::Vec<u8>,
+    #[prost(message, repeated, tag = "13")]
+    pub odometry_noise: ::prost::alloc::vec::Vec<OdometryNoise>,
 }
 impl ::prost::Name for SolveApplied {
     const NAME: &'static str = "SolveApplied";
@@ -669,6 +673,27 @@ impl ::prost::Name for SolveApplied {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.SolveApplied".into()
+    }
+}
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct OdometryNoise {
+    #[prost(uint32, tag = "1")]
+    pub client: u32,
+    #[prost(fixed64, tag = "2")]
+    pub translation_share: u64,
+    #[prost(fixed64, tag = "3")]
+    pub rotation_rad: u64,
+    #[prost(fixed64, tag = "4")]
+    pub pairs: u64,
+}
+impl ::prost::Name for OdometryNoise {
+    const NAME: &'static str = "OdometryNoise";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.OdometryNoise".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.OdometryNoise".into()
     }
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
@@ -1302,6 +1327,8 @@ pub struct Client {
     pub scale: ::core::option::Option<u64>,
     #[prost(bool, tag = "9")]
     pub has_left: bool,
+    #[prost(message, optional, tag = "10")]
+    pub odometry_noise: ::core::option::Option<OdometryNoise>,
 }
 impl ::prost::Name for Client {
     const NAME: &'static str = "Client";

@@ -1,0 +1,177 @@
+//! Odometry as a measurement: how two consecutive keyframes of a client lie to each other.
+//!
+//! What a client sends as `odom_from_camera`, or as the start pose where it sends none, drifts and does not
+//! jump. Two keyframes that follow each other in capture time are therefore tied by
+//! Z = odom_i⁻¹ · odom_j, unless the client sent an ODOMETRY constraint of the pair, which takes its place.
+//! Along each axis the deviation of the translation is a share of the way between them, that of the rotation
+//! is constant.
+//!
+//! Both are found from the map's own residuals, as variance components by expectation and maximization
+//! (Dempster, Laird and Rubin 1977): a window that has residuals r̂ with covariance C expects
+//! E[r rᵀ] = r̂ r̂ᵀ + C. They begin small: odometry counts until views contradict it, and views that
+//! determine little, or that see what moves with the camera, do not.
+//!
+//! Nothing is solved here.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use covis_solvers::bundle_adjustment::{PairEstimate, pair_covariances};
+use covis_solvers::factors::RelativePose;
+use covis_solvers::geometry::Se3;
+use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
+use nalgebra::{SMatrix, Vector6};
+
+use super::keyframe_pairs::odometry;
+use super::numbers::is_positive;
+use super::{ClientIndex, ConstraintKind, EntityId, Map, MapProblem};
+
+/// A way below which the deviation falls no more, in the client's unit: a robot that stands is not known
+/// to the atom.
+const LEAST_WAY: f64 = 1e-3;
+/// Past this many deviations odometry loses its hold: it jumped, or a wheel slipped.
+pub(super) const LOSS: Loss = Loss::GemanMcClure(10.0);
+/// Weight below which odometry has lost its hold.
+const LET_GO: f64 = 0.25;
+/// Pairs that the noise before any residual counts as.
+const PRIOR_PAIRS: f64 = 20.0;
+/// Pairs that the noise remembers: what a robot drives on changes.
+const MOST_PAIRS: f64 = 200.0;
+/// What the deviations may become.
+const SHARES: std::ops::RangeInclusive<f64> = 1e-4..=10.0;
+const ANGLES: std::ops::RangeInclusive<f64> = 1e-5..=1.0;
+
+/// How uncertain the odometry of a client is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OdometryNoise {
+    /// Standard deviation of the translation along each axis, as a share of the way between two keyframes.
+    pub translation_share: f64,
+    /// Standard deviation of the rotation about each axis between two keyframes, rad.
+    pub rotation_rad: f64,
+    /// How many pairs of keyframes say so.
+    pub pairs: f64,
+}
+
+impl Default for OdometryNoise {
+    /// 1 % of the way and 0.05°, as of 20 pairs: what wheels and inertia of a car do.
+    fn default() -> Self {
+        Self { translation_share: 0.01, rotation_rad: 9e-4, pairs: PRIOR_PAIRS }
+    }
+}
+
+impl OdometryNoise {
+    /// Whether a map may have it.
+    pub(super) fn is_possible(&self) -> bool {
+        SHARES.contains(&self.translation_share)
+            && ANGLES.contains(&self.rotation_rad)
+            && is_positive(self.pairs)
+            && self.pairs <= MOST_PAIRS
+    }
+
+    /// The information of the relative pose of two keyframes.
+    fn information(&self, relative: &Se3) -> Option<Information<6>> {
+        let along = self.translation_share * way(relative);
+        let about = self.rotation_rad;
+        let deviations = Vector6::new(along, along, along, about, about, about);
+        let diagonal = SMatrix::<f64, 6, 6>::from_diagonal(&deviations.map(|s| 1.0 / (s * s)));
+        Information::new(&diagonal).ok()
+    }
+
+    /// The noise after it was seen in these pairs.
+    fn after(&self, pairs: &[(Se3, PairEstimate)]) -> Self {
+        let (mut share, mut angle) = (0.0, 0.0);
+        for (relative, PairEstimate { residual, covariance, .. }) in pairs {
+            let expected = residual * residual.transpose() + covariance;
+            let along = expected.fixed_view::<3, 3>(0, 0).trace();
+            share += along / (3.0 * way(relative) * way(relative));
+            angle += expected.fixed_view::<3, 3>(3, 3).trace() / 3.0;
+        }
+        let seen = pairs.len() as f64;
+        let before = self.pairs.min(MOST_PAIRS - seen).max(0.0);
+        let mean = |old: f64, sum: f64| ((old * old * before + sum) / (before + seen)).sqrt();
+        Self {
+            translation_share: mean(self.translation_share, share)
+                .clamp(*SHARES.start(), *SHARES.end()),
+            rotation_rad: mean(self.rotation_rad, angle).clamp(*ANGLES.start(), *ANGLES.end()),
+            pairs: (before + seen).min(MOST_PAIRS),
+        }
+    }
+}
+
+/// The length of a way, and a little where there is none.
+fn way(relative: &Se3) -> f64 {
+    relative.translation.norm().hypot(LEAST_WAY)
+}
+
+/// A measured relative pose of the keyframe before and this one.
+pub(super) struct Tie {
+    /// The keyframe before.
+    pub(super) before: EntityId,
+    /// Its relative pose Z.
+    pub(super) before_from_keyframe: Se3,
+    /// Its information.
+    pub(super) information: Information<6>,
+}
+
+impl Map {
+    /// What odometry says of a keyframe and the one before it; `None` where it is the first, where the client
+    /// measured the pair itself, and where the policy leaves odometry out.
+    pub(super) fn odometry_tie(&self, keyframe: EntityId) -> Option<Tie> {
+        if !self.policy().odometry {
+            return None;
+        }
+        let (before, previous) = self.keyframe_before(keyframe)?;
+        if self.has_own_odometry(before, keyframe) {
+            return None;
+        }
+        let now = self.keyframes().get(&keyframe)?;
+        let before_from_keyframe = odometry(previous, now);
+        let information =
+            self.client(keyframe.client)?.odometry_noise.information(&before_from_keyframe)?;
+        Some(Tie { before, before_from_keyframe, information })
+    }
+
+    fn has_own_odometry(&self, a: EntityId, b: EntityId) -> bool {
+        let ties = self.ties().of(b).filter_map(|id| self.active_constraint(id));
+        ties.into_iter().any(|constraint| {
+            let ends = [constraint.keyframe_i, constraint.keyframe_j];
+            constraint.kind == ConstraintKind::Odometry && (ends == [a, b] || ends == [b, a])
+        })
+    }
+
+    /// The keyframes before and after these in the trajectories of their clients, without these.
+    pub(super) fn beside(&self, keyframes: &BTreeSet<EntityId>) -> BTreeSet<EntityId> {
+        let beside = |&id: &EntityId| [self.keyframe_before(id), self.keyframe_after(id)];
+        let beside = keyframes.iter().flat_map(beside).flatten().map(|(id, _)| id);
+        beside.filter(|id| !keyframes.contains(id)).collect()
+    }
+}
+
+impl MapProblem {
+    /// Finds the noise of odometry anew, from the residuals of the solved problem.
+    pub fn learn_noise(&mut self) {
+        let bundle = &self.problem;
+        let is_free = |pose: usize| bundle.constant_poses.get(pose) == Some(&false);
+        let ties = self.odometry.iter().filter_map(|&index| {
+            let factor = bundle.relative_poses.get(index)?;
+            (is_free(factor.i) && is_free(factor.j)).then_some((index, factor))
+        });
+        let (indices, factors): (Vec<usize>, Vec<&RelativePose<Se3, 6>>) = ties.unzip();
+        let Some(estimates) = pair_covariances(bundle, &indices) else { return };
+        let mut pairs: BTreeMap<ClientIndex, Vec<(Se3, PairEstimate)>> = BTreeMap::new();
+        for (factor, estimate) in factors.into_iter().zip(estimates) {
+            // What lost its hold is a jump and no noise.
+            if LOSS.evaluate(factor.information.squared_norm(&estimate.residual)).weight > LET_GO {
+                let client = self.keyframes[factor.j].client;
+                pairs.entry(client).or_default().push((factor.i_from_j, estimate));
+            }
+        }
+        for (client, pairs) in pairs {
+            let noise = self.noise.entry(client).or_default();
+            let after = noise.after(&pairs);
+            if after.is_possible() {
+                *noise = after;
+            }
+        }
+    }
+}
