@@ -110,14 +110,17 @@ impl Map {
         };
         let earlier = &self.client(client)?.earlier_frames;
         let left = earlier.iter().map(|frame| present.compose(&frame.inverse()));
-        let carried = self.policy().odometry.then_some(carried);
-        let motions: Vec<Se3> = carried.into_iter().chain(left).filter(Se3::is_finite).collect();
+        let left = left.filter(Se3::is_finite);
+        let carried = Some(carried).filter(Se3::is_finite);
         if let Some(as_sent) = cost(world_from_camera) {
             let moved = |motion: &Se3| cost(&motion.compose(world_from_camera));
-            let costs = motions.iter().filter_map(|motion| Some((moved(motion)?, *motion)));
+            let motions = carried.into_iter().chain(left);
+            let costs = motions.filter_map(|motion| Some((moved(&motion)?, motion)));
             let best = costs.min_by(|a, b| a.0.total_cmp(&b.0));
             return best.filter(|best| best.0 < as_sent).map(|best| best.1);
         }
+        let carried = carried.filter(|_| self.policy().odometry);
+        let motions = carried.into_iter().chain(left);
         match odom_from_camera {
             None => {
                 let step = |pose: &Se3| {
@@ -125,7 +128,7 @@ impl Map {
                     step.translation.norm() + step.rotation.log().norm()
                 };
                 let moved = |motion: &Se3| step(&motion.compose(world_from_camera));
-                let nearest = motions.into_iter().min_by(|a, b| moved(a).total_cmp(&moved(b)))?;
+                let nearest = motions.min_by(|a, b| moved(a).total_cmp(&moved(b)))?;
                 (moved(&nearest) < step(world_from_camera)).then_some(nearest)
             }
             Some(odometry) => self.left_motion(earlier, (&present, odometry), world_from_camera),

@@ -103,6 +103,11 @@ fn way(relative: &Se3) -> f64 {
     relative.translation.norm().hypot(LEAST_WAY)
 }
 
+/// Whether odometry holds a pair of keyframes whose residual has this squared norm.
+pub(super) fn holds(squared: f64) -> bool {
+    LOSS.evaluate(squared).weight > LET_GO
+}
+
 /// A measured relative pose of the keyframe before and this one.
 pub(super) struct Tie {
     /// The keyframe before.
@@ -161,7 +166,7 @@ impl MapProblem {
         let mut pairs: BTreeMap<ClientIndex, Vec<(Se3, PairEstimate)>> = BTreeMap::new();
         for (factor, estimate) in factors.into_iter().zip(estimates) {
             // What lost its hold is a jump and no noise.
-            if LOSS.evaluate(factor.information.squared_norm(&estimate.residual)).weight > LET_GO {
+            if holds(factor.information.squared_norm(&estimate.residual)) {
                 let client = self.keyframes[factor.j].client;
                 pairs.entry(client).or_default().push((factor.i_from_j, estimate));
             }

@@ -1,7 +1,8 @@
 //! Chooses the part of the map for a local bundle adjustment.
 //!
-//! Free are one keyframe, or several that an edit concerns, and those that share most landmarks with
-//! them, by count, then the more recent, then the lower id. The window's landmarks are those that the
+//! Free are one keyframe, or several that wait or that an edit concerns, and those that share most landmarks
+//! with them, by count, then the more recent, then the lower id; and those that see nothing beside one of
+//! these. The window's landmarks are those that the
 //! free keyframes see; every other keyframe that sees one of them is held fixed and so ties the window
 //! to the rest of the map. A keyframe that the map's gauge holds (`gauge`) is fixed too, wherever it is in
 //! the window. If nothing would be fixed, the keyframe that arrived first is; the scale of a monocular
@@ -69,6 +70,10 @@ pub fn choose_window_while(
     neighbors.sort_unstable_by_key(|&(id, shared)| (Reverse(shared), Reverse(time(id)), id));
     neighbors.truncate(map.policy().window_keyframes.saturating_sub(free.len()));
     free.extend(neighbors.into_iter().map(|(id, _)| id));
+    let carried = tails(map, waiting);
+    if map.policy().odometry {
+        add_blind(map, &carried, &mut free);
+    }
 
     let mut seen: BTreeSet<EntityId> = free
         .iter()
@@ -88,8 +93,7 @@ pub fn choose_window_while(
     if map.policy().odometry {
         fixed.extend(map.beside(&free));
     }
-    let mut carried = tails(map, waiting);
-    carried.retain(|id| !free.contains(id));
+    let carried: BTreeSet<EntityId> = carried.difference(&free).copied().collect();
     fixed.retain(|id| !carried.contains(id));
     let is_pose_prior = |id| matches!(map.priors().get(&id), Some(Prior::Pose { .. }));
     let has_pose_prior = free.iter().any(|&id| map.ties().of(id).any(is_pose_prior));
@@ -107,6 +111,24 @@ pub fn choose_window_while(
     }
     let (free, fixed) = (free.into_iter().collect(), fixed.into_iter().collect());
     Window { free, fixed, landmarks, carried }
+}
+
+/// Adds the keyframes beside `free` in their trajectories that see nothing of the map, as many as the window
+/// takes: only odometry ties them, and held they would tear the trajectory.
+fn add_blind(map: &Map, carried: &BTreeSet<EntityId>, free: &mut BTreeSet<EntityId>) {
+    let is_blind = |id: &EntityId| {
+        let keyframe = map.keyframes().get(id);
+        keyframe.is_some_and(|k| !k.observations.iter().any(|o| is_usable(map, o.landmark)))
+    };
+    let room = map.policy().window_keyframes;
+    loop {
+        let mut blind = map.beside(free);
+        blind.retain(|id| is_blind(id) && !carried.contains(id));
+        if blind.is_empty() || free.len() + blind.len() > room {
+            return;
+        }
+        free.extend(blind);
+    }
 }
 
 /// The keyframes of `waiting` behind which, in their trajectories, there are only others of them.

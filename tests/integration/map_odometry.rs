@@ -3,8 +3,9 @@
 use std::collections::BTreeSet;
 
 use covis::map::{
-    Change, ConstraintKind, Item, MapPolicy, OdometryNoise, SolveKind, Solved, applied,
-    choose_window, choose_window_while, local_problem,
+    Change, ConstraintKind, GlobalOptions, Held, Item, MapPolicy, MapProblem, OdometryNoise,
+    SolveKind, Solved, Start, applied, choose_window, choose_window_while, global_problem,
+    local_problem,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
 
@@ -33,20 +34,6 @@ fn consecutive_keyframes_are_tied_unless_the_client_measured_them() {
     assert_eq!(ties(&journal, 3), [(0, 1), (2, 3)], "the constraint takes its place");
     let off = street(4, MapPolicy { odometry: false, ..MapPolicy::default() });
     assert_eq!(ties(&off, 3), []);
-}
-
-#[test]
-fn a_keyframe_without_views_is_in_the_window_of_its_neighbors_surroundings() {
-    let mut journal = street(3, MapPolicy::default());
-    let mut blind = street_keyframe(3, pose_at(3.0), &journal.map);
-    if let Item::Keyframe { observations, landmarks, .. } = &mut blind {
-        observations.clear();
-        landmarks.clear();
-    }
-    journal.send(ROBOT, &blind).unwrap();
-    let window = choose_window(&journal.map, &[id(2)]);
-    assert!(window.fixed.contains(&id(3)), "{window:?}");
-    assert!(local_problem(&journal.map, &choose_window(&journal.map, &[id(3)])).is_solvable());
 }
 
 #[test]
@@ -127,4 +114,117 @@ fn keyframes_that_wait_hold_nothing_and_go_with_the_one_before_them() {
     // One behind which there is a solved keyframe is no end of a trajectory.
     let middle: BTreeSet<_> = [id(3)].into();
     assert!(choose_window_while(&journal.map, &[id(2)], &middle).carried.is_empty());
+}
+
+#[test]
+fn keyframes_that_see_nothing_move_with_those_beside_them() {
+    let mut journal = street(3, MapPolicy::default());
+    for k in 3..6 {
+        let mut item = street_keyframe(k, pose_at(k as f64), &journal.map);
+        if k < 5
+            && let Item::Keyframe { observations, landmarks, .. } = &mut item
+        {
+            observations.clear();
+            landmarks.clear();
+        }
+        journal.send(ROBOT, &item).unwrap();
+    }
+    let window = choose_window(&journal.map, &[id(5)]);
+    assert!([3, 4].map(id).iter().all(|blind| window.free.contains(blind)), "{window:?}");
+    let problem = local_problem(&journal.map, &window);
+    assert_eq!(problem.held, [], "odometry measures them");
+    let alone = local_problem(&journal.map, &choose_window(&journal.map, &[id(3)]));
+    assert!(alone.is_solvable());
+}
+
+#[test]
+fn the_whole_map_is_tied_by_odometry_but_for_where_it_began_anew() {
+    let policy = MapPolicy::default();
+    let mut journal = street(3, policy);
+    for k in 3..6 {
+        // Its odometry begins again somewhere else; its start estimates go on.
+        let mut item = street_keyframe(k, pose_at(k as f64), &journal.map);
+        if let Item::Keyframe { odom_from_camera, .. } = &mut item {
+            *odom_from_camera = Some(pose_at(70.0 + k as f64));
+        }
+        journal.send(ROBOT, &item).unwrap();
+    }
+    let problem = global_problem(&journal.map, &GlobalOptions::default());
+    let pair = |&index: &usize| {
+        let factor = &problem.problem.relative_poses[index];
+        (problem.keyframes[factor.i].id, problem.keyframes[factor.j].id)
+    };
+    let ties: Vec<_> = problem.odometry.iter().map(pair).collect();
+    assert_eq!(ties, [(0, 1), (1, 2), (3, 4), (4, 5)]);
+}
+
+/// The window around the last keyframe of a street whose policy is `policy`, and its start.
+fn last_window(policy: MapPolicy) -> (MapProblem, Start) {
+    let journal = street(6, policy);
+    let problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(5)]));
+    let start = problem.start();
+    (problem, start)
+}
+
+/// Where a keyframe is in a problem.
+fn place(problem: &MapProblem, keyframe: i64) -> usize {
+    problem.keyframes.iter().position(|&known| known == id(keyframe)).unwrap()
+}
+
+#[test]
+fn a_result_that_is_the_start_is_plausible_and_so_is_one_that_views_determine() {
+    let (mut problem, start) = last_window(MapPolicy::default());
+    assert_eq!(problem.implausible(&start), []);
+    // Everything moves far: exact views still say where the keyframes are to each other.
+    let last = place(&problem, 5);
+    let truth = problem.problem.poses[last];
+    problem.problem.poses[last] = pose_at(40.0);
+    let start = problem.start();
+    problem.problem.poses[last] = truth;
+    assert_eq!(problem.implausible(&start), []);
+}
+
+#[test]
+fn a_camera_beyond_what_it_sees_is_not_plausible() {
+    let (mut problem, start) = last_window(MapPolicy::default());
+    let last = place(&problem, 5);
+    let back = Se3::exp(&nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.0, std::f64::consts::PI, 0.0));
+    problem.problem.poses[last] = problem.problem.poses[last].compose(&back);
+    assert_eq!(problem.implausible(&start), [(last, Held::Behind)]);
+    problem.restart(&start, &[(last, Held::Behind)]);
+    assert_eq!(problem.held, [(id(5), Held::Behind)]);
+    assert!(problem.problem.constant_poses[last], "it stays where it started");
+    assert_eq!(problem.implausible(&start), []);
+}
+
+#[test]
+fn a_keyframe_that_goes_far_along_what_nothing_measures_is_not_plausible() {
+    let (mut problem, _) = last_window(MapPolicy { odometry: false, ..MapPolicy::default() });
+    let last = place(&problem, 5);
+    // Its landmarks go with it, and no other keyframe sees them.
+    let seen = problem.problem.observations();
+    let own: Vec<_> = seen.filter(|seen| seen.pose as usize == last).collect();
+    problem.problem.reprojections = Default::default();
+    for seen in own {
+        problem.problem.push_observation(seen.pose, seen.camera, seen.landmark, seen.seen);
+    }
+    let start = problem.start();
+    let shift = pose_at(100.0);
+    problem.problem.poses[last] = shift.compose(&problem.problem.poses[last]);
+    problem.problem.landmarks.iter_mut().for_each(|point| *point = shift.transform(point));
+    assert_eq!(problem.implausible(&start), [(last, Held::Undetermined)]);
+}
+
+#[test]
+fn views_that_fit_worse_than_before_are_not_plausible_unless_odometry_holds() {
+    for (odometry, expected) in [(false, vec![Held::Worse]), (true, Vec::new())] {
+        let policy = MapPolicy { odometry, ..MapPolicy::default() };
+        let (mut problem, start) = last_window(policy);
+        let last = place(&problem, 5);
+        let turn = Se3::exp(&nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.0, 8.5e-3, 0.0));
+        problem.problem.poses[last] = problem.problem.poses[last].compose(&turn);
+        let found: Vec<Held> =
+            problem.implausible(&start).into_iter().map(|(_, why)| why).collect();
+        assert_eq!(found, expected);
+    }
 }

@@ -10,11 +10,12 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::factors::{PosePrior, PositionPrior, RelativePose, Reprojection};
+use covis_solvers::geometry::Se3;
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, DisjointSets};
 use covis_solvers::robust::default_threshold;
 
-use super::{GlobalOptions, MapProblem};
+use super::{GlobalOptions, Held, MapProblem};
 use crate::gauge::held_poses;
 use crate::odometry;
 use crate::window::is_usable;
@@ -54,14 +55,14 @@ pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
 #[must_use]
 pub fn global_problem(map: &Map, options: &GlobalOptions) -> MapProblem {
     let mut builder = Builder::new(map, options.loss);
+    (builder.ties_odometry, builder.gauge) = (true, Some(options.gauge));
     map.keyframes().keys().for_each(|&id| builder.keyframe(id, false));
     map.landmarks().keys().filter(|&&id| is_usable(map, id)).for_each(|&id| builder.landmark(id));
     match options.gauge {
         Gauge::FirstKeyframeFixed | Gauge::FixedPoses => builder.fix_pieces(options.gauge),
         Gauge::Free | Gauge::Priors => {}
     }
-    builder.gauge = Some(options.gauge);
-    builder.finish(options.fix_intrinsics)
+    MapProblem { held: Vec::new(), ..builder.finish(options.fix_intrinsics) }
 }
 
 /// The observations of the whole map, for a reconstruction that looks at no estimate: of landmarks without
@@ -210,6 +211,9 @@ impl<'a> Builder<'a> {
         for (_, constraint) in self.map.active_constraints() {
             self.join(&mut pieces, constraint.keyframe_i, constraint.keyframe_j);
         }
+        for tie in self.odometry_ties() {
+            pieces.join(tie.i, tie.j);
+        }
         let active =
             self.map.priors().iter().filter(|(id, _)| self.map.active_prior(**id).is_some());
         let placed = active.filter_map(|(_, prior)| self.pose_of.get(&prior.keyframe()).copied());
@@ -246,11 +250,13 @@ impl<'a> Builder<'a> {
             }
         }
         self.pose_factors(&mut measured);
-        if self.ties_odometry {
-            self.odometry(&mut measured);
-        }
-        for (constant, &count) in self.problem.constant_poses.iter_mut().zip(&measured) {
-            *constant |= count < MIN_OBSERVATIONS;
+        self.odometry(&mut measured);
+        let mut held = Vec::new();
+        for (pose, &count) in measured.iter().enumerate() {
+            let constant = &mut self.problem.constant_poses[pose];
+            if count < MIN_OBSERVATIONS && !std::mem::replace(constant, true) {
+                held.push((self.keyframes[pose], Held::Unmeasured));
+            }
         }
         let start_cameras = self.problem.cameras.clone();
         let (whole, positions) = (&self.problem.pose_priors, &self.problem.position_priors);
@@ -273,6 +279,7 @@ impl<'a> Builder<'a> {
             cameras: camera_of.into_keys().collect(),
             start_cameras,
             landmarks: self.landmarks,
+            held,
             duplicates: self.duplicates,
             start_revision: map.revision(),
         }
@@ -299,24 +306,35 @@ impl<'a> Builder<'a> {
         count
     }
 
+    /// What odometry says of the poses so far. In a problem of the whole map it counts where the estimates
+    /// agree with it: a client whose odometry began anew is there in two pieces.
+    fn odometry_ties(&self) -> Vec<RelativePose<Se3, 6>> {
+        if !self.ties_odometry {
+            return Vec::new();
+        }
+        let tie = |(j, &keyframe): (usize, &EntityId)| {
+            let tie = self.map.odometry_tie(keyframe)?;
+            let &i = self.pose_of.get(&tie.before)?;
+            let (i_from_j, information) = (tie.before_from_keyframe, tie.information);
+            let tie = RelativePose { i, j, i_from_j, information, loss: Some(odometry::LOSS) };
+            let poses = &self.problem.poses;
+            let counts = self.gauge.is_none() || odometry::holds(tie.chi2(&poses[i], &poses[j]));
+            counts.then_some(tie)
+        };
+        self.keyframes.iter().enumerate().filter_map(tie).collect()
+    }
+
     /// Ties free poses to those before and after them by odometry.
     fn odometry(&mut self, measured: &mut [usize]) {
-        for j in 0..self.keyframes.len() {
-            let Some(tie) = self.map.odometry_tie(self.keyframes[j]) else { continue };
-            let Some(&i) = self.pose_of.get(&tie.before) else { continue };
-            if self.problem.constant_poses[i] && self.problem.constant_poses[j] {
+        for tie in self.odometry_ties() {
+            let constant = &self.problem.constant_poses;
+            if constant[tie.i] && constant[tie.j] {
                 continue;
             }
+            measured[tie.i] += MIN_OBSERVATIONS;
+            measured[tie.j] += MIN_OBSERVATIONS;
             self.odometry.push(self.problem.relative_poses.len());
-            self.problem.relative_poses.push(RelativePose {
-                i,
-                j,
-                i_from_j: tie.before_from_keyframe,
-                information: tie.information,
-                loss: Some(odometry::LOSS),
-            });
-            measured[i] += MIN_OBSERVATIONS;
-            measured[j] += MIN_OBSERVATIONS;
+            self.problem.relative_poses.push(tie);
         }
     }
 

@@ -6,6 +6,7 @@
 
 mod bundle;
 mod graph;
+mod plausible;
 mod priors;
 mod reconstructed;
 
@@ -21,6 +22,7 @@ use super::{ClientIndex, EntityId, Gauge, OdometryNoise, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem, observation_problem, retirement_problem};
 pub use graph::measured_graph;
+pub use plausible::{Held, Start};
 pub use reconstructed::Compared;
 
 /// A bundle adjustment problem with the names of its variables.
@@ -43,6 +45,8 @@ pub struct MapProblem {
     /// Keyframes that wait for a solve of their own and are not in the problem: they go with the keyframe
     /// before them.
     pub carried: BTreeSet<EntityId>,
+    /// Keyframes that a window was to move and holds, and why.
+    pub held: Vec<(EntityId, Held)>,
     /// Landmarks that are one with another one of the problem, and that one's place.
     pub duplicates: Vec<(EntityId, usize)>,
     /// The map's revision that it was built from.

@@ -14,9 +14,9 @@ mod inner_iterations;
 mod iterative;
 mod landmarks;
 mod layout;
+mod marginals;
 mod maybe_owned;
 mod observe;
-mod pair_covariance;
 mod pose_factors;
 mod price;
 mod product;
@@ -28,7 +28,7 @@ mod system;
 mod under_loss;
 mod variables;
 
-pub use pair_covariance::{PairEstimate, pair_covariances};
+pub use marginals::{PairEstimate, pair_covariances, pose_covariances};
 
 use std::sync::Arc;
 use std::time::Instant;

@@ -18,9 +18,9 @@ use covis_solvers::reconstruction::Scale;
 use covis_solvers::robust::Kernel;
 
 use super::{Path, Violations, count, small};
-use crate::map::{ClosureRobustness, Reason};
+use crate::map::{ClosureRobustness, Held, Reason};
 use crate::service::engine::{
-    ClosureCounts, GaugeKind, Rebuilt, SolveCertificate, SolverKind, UnplacedKeyframe,
+    ClosureCounts, GaugeKind, HeldKeyframe, Rebuilt, SolveCertificate, SolverKind, UnplacedKeyframe,
 };
 use crate::wire::v1;
 
@@ -348,7 +348,20 @@ pub(in crate::service) fn to_certificate(certificate: &SolveCertificate) -> v1::
     summary.fixed_pose_count = count(certificate.fixed_poses);
     summary.free_landmark_count = count(certificate.free_landmarks);
     summary.closures = certificate.closures.as_ref().map(to_closure_summary);
+    summary.held_keyframes = certificate.held.iter().map(to_held_keyframe).collect();
     summary
+}
+
+fn to_held_keyframe(held: &HeldKeyframe) -> v1::HeldKeyframe {
+    let reason = match held.reason {
+        Held::Unmeasured => v1::HoldReason::Unmeasured,
+        Held::Behind => v1::HoldReason::Behind,
+        Held::Worse => v1::HoldReason::Worse,
+        Held::Undetermined => v1::HoldReason::Undetermined,
+        Held::Scale => v1::HoldReason::Scale,
+    };
+    let (client_id, keyframe_id) = (held.client.clone(), held.id);
+    v1::HeldKeyframe { client_id, keyframe_id, reason: reason.into() }
 }
 
 /// Most keyframes without a pose that are named.

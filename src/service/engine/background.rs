@@ -18,7 +18,8 @@ use rayon::prelude::*;
 use super::actor::Actor;
 use super::handle::Shared;
 use super::pool::{Ended, Slot, SolverPool};
-use super::solve::{OptimizeOptions, Outcome, Solution, solve_map, solve_window};
+use super::solve::{OptimizeOptions, Outcome, Solution, solve_map};
+use super::window_solve::{WindowOptions, solve_window};
 use super::{EngineError, Estimate, Fault};
 use crate::map::{
     Change, Comparison, EntityId, Map, SolveKind, choose_window, find_duplicates, local_problem,
@@ -155,10 +156,12 @@ impl Background {
     fn start_seam(&mut self, map: Arc<Map>, ends: [EntityId; 2], whole: Estimate) {
         let max_iterations = map.policy().max_local_iterations;
         let ceiling = self.shared.config.ceiling();
+        let meters = Arc::clone(&self.shared.meters);
         self.launch(whole, SolveKind::LocalBundle, move |cancel| {
             let problem = local_problem(&map, &choose_window(&map, &ends));
             drop(map);
-            solve_window(problem, max_iterations, ceiling, cancel, false)
+            let options = WindowOptions { max_iterations, ceiling, learns: false };
+            solve_window(problem, &options, cancel, &mut |why| meters.disbelieve(why))
         });
     }
 
@@ -270,8 +273,10 @@ impl Actor {
             tracing::warn!(%error, %map, ?kind, "the map could not be adjusted after a closure");
             None
         });
-        let is_finite = |solution: &Solution| solution.certificate.solve.final_cost.is_finite();
-        let Some(Solution { moved, certificate, .. }) = solution.filter(is_finite) else {
+        let is_sound = |solution: &Solution| {
+            solution.refused.is_none() && solution.certificate.solve.final_cost.is_finite()
+        };
+        let Some(Solution { moved, certificate, .. }) = solution.filter(is_sound) else {
             self.background.gave_up |= kind == SolveKind::Global;
             return None;
         };

@@ -14,7 +14,7 @@ use covis_solvers::optimizer::Termination;
 use super::MapHandle;
 use super::handle::Condition;
 use super::solve::Outcome;
-use crate::map::{Change, Reason, SolveKind};
+use crate::map::{Change, Held, Reason, SolveKind};
 use crate::meter::{Counter, Gauge, GaugeGuard, Histogram};
 
 /// Why items are rejected, in the order of [`Reason`] and of the counters.
@@ -52,6 +52,10 @@ const ENDS: [&str; 10] = [
 /// Kinds of solves, in the order of their instruments: of windows, of pose graphs, of whole maps, and of
 /// problems that came with a call.
 const SOLVES: [&str; 4] = ["local_bundle", "pose_graph", "global", "request"];
+
+/// Why results of windows are not believed, in the order of [`Held`] and of the counters.
+const HELD: [&str; 5] = ["unmeasured", "behind", "worse", "undetermined", "scale"];
+const _: () = assert!(Held::Scale as usize + 1 == HELD.len());
 
 /// What refused changes are, in the order of the counters.
 const CHANGES: [&str; 5] = ["item", "solve", "merge", "retirement", "other"];
@@ -179,6 +183,7 @@ pub struct EngineMeters {
     solves: [Arc<SolveMeters>; SOLVES.len()],
     /// Solves of windows whose result was dropped for a loop closure or an optimization.
     pub superseded: Counter,
+    implausible: [Counter; HELD.len()],
     /// How long the search for the place of a keyframe took, ns.
     pub place_search_ns: Histogram,
     /// Loop closures that searches added.
@@ -241,6 +246,18 @@ impl EngineMeters {
             other
         };
         counter.increment();
+    }
+
+    /// Results of windows that were not believed, by reason.
+    pub fn implausible(&self) -> impl Iterator<Item = (&'static str, &Counter)> {
+        HELD.into_iter().zip(&self.implausible)
+    }
+
+    /// Counts the result of a window that is not believed.
+    pub(super) fn disbelieve(&self, why: Held) {
+        if let Some(count) = self.implausible.get(why as usize) {
+            count.increment();
+        }
     }
 
     /// Counts a solve of a map that is queued in the pool.

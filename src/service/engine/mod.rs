@@ -69,6 +69,7 @@ mod touched;
 mod updating;
 mod watch;
 mod watching;
+mod window_solve;
 
 use covis_solvers::price::Ceiling;
 
@@ -91,8 +92,8 @@ pub(crate) use pool::panic_message;
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
 pub use rebuilding::{Rebuilt, UnplacedKeyframe};
 pub use solve::{
-    ClosureCounts, GaugeKind, OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem,
-    SolveCertificate, SolveStep, SolverKind,
+    ClosureCounts, GaugeKind, HeldKeyframe, OptimizeCounts, OptimizeOptions, OptimizeOutcome,
+    OptimizeProblem, SolveCertificate, SolveStep, SolverKind,
 };
 pub use stream::{Ack, AckStatus, IngestStream, ItemSender, Opened, SolveReport, StreamEvent};
 pub use touched::Touched;

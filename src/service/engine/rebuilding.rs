@@ -151,8 +151,9 @@ pub(super) fn rebuild_map(
         fixed_poses,
         free_landmarks: rebuilt.placed_landmarks,
         closures: None,
+        held: Vec::new(),
     };
     let counts = OptimizeCounts::of(&problem);
     let (moved, rebuilt) = (Moved::Bundle(Box::new(problem)), Some(rebuilt));
-    Ok(Some(Solution { moved, certificate, counts, proof: None, rebuilt }))
+    Ok(Some(Solution { moved, certificate, counts, proof: None, rebuilt, refused: None }))
 }

@@ -214,19 +214,18 @@ mod tests {
     }
 
     #[test]
-    fn a_batch_is_worked_off_newest_first_before_later_arrivals() {
+    fn a_burst_is_worked_off_in_the_order_of_arrival() {
         let mut schedule = Schedule::default();
         for id in 0..3 {
             schedule.push(A, id + 1, Task::around(keyframe(A, id)));
         }
-        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 2)][..]));
-        let covered = schedule.within(&[keyframe(A, 2)], &[keyframe(A, 1)]);
-        assert_eq!(schedule.close(&covered), []);
-        schedule.push(A, 9, Task::around(keyframe(A, 9)));
+        schedule.push(A, 4, Task::Window([keyframe(A, 0), keyframe(A, 1)].into()));
+        let waiting: Vec<EntityId> = schedule.waiting().into_iter().collect();
+        assert_eq!(waiting, [0, 1, 2].map(|id| keyframe(A, id)), "an edit's keyframes were solved");
         assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 0)][..]));
-        let covered = schedule.within(&[keyframe(A, 0)], &[]);
-        assert_eq!(schedule.close(&covered), [(A, 3)]);
-        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 9)][..]));
+        let covered = schedule.within(&[keyframe(A, 0)], &[keyframe(A, 1)]);
+        assert_eq!(schedule.close(&covered), [(A, 2)]);
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 2)][..]));
     }
 
     #[test]

@@ -20,8 +20,7 @@ use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{
     self, Control, IterationSummary, Method, SolveSummary, ignore_iterations,
 };
-use covis_solvers::price::Ceiling;
-use covis_solvers::problem::{BundleProblem, SolveError};
+use covis_solvers::problem::SolveError;
 use covis_solvers::reconstruction;
 use covis_solvers::robust::{PositionJudging, VarianceFactors};
 use tokio::sync::{mpsc, oneshot};
@@ -32,7 +31,7 @@ use super::rebuilding::{Rebuilt, rebuild_map};
 use super::{Cancellation, EngineError};
 pub use crate::map::Gauge as GaugeKind;
 use crate::map::{
-    ClientIndex, GlobalOptions, GraphPairs, GraphProblem, Map, MapProblem, RequestId, Solved,
+    ClientIndex, GlobalOptions, GraphPairs, GraphProblem, Held, Map, MapProblem, RequestId, Solved,
     SwitchedOff, global_problem, is_valid_camera, measured_graph,
 };
 
@@ -185,6 +184,19 @@ pub struct SolveCertificate {
     pub free_landmarks: usize,
     /// What was found of the loop closures, where they were judged.
     pub closures: Option<ClosureCounts>,
+    /// Keyframes that a window was to move and holds.
+    pub held: Vec<HeldKeyframe>,
+}
+
+/// A keyframe that a window was to move and holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HeldKeyframe {
+    /// Name of its client.
+    pub client: String,
+    /// Its id there.
+    pub id: i64,
+    /// Why it is held.
+    pub reason: Held,
 }
 
 /// What a pose graph found of a map's loop closures.
@@ -222,6 +234,8 @@ pub(super) struct Solution {
     pub(super) counts: OptimizeCounts,
     pub(super) proof: Option<Proof>,
     pub(super) rebuilt: Option<Rebuilt>,
+    /// Whether it is plausible; where it is not, the map keeps its estimates.
+    pub(super) refused: Option<Held>,
 }
 
 /// `Ok(None)` when there was nothing to solve.
@@ -252,73 +266,6 @@ pub(super) fn solve_whole(
     }
 }
 
-/// Bundle adjustment of a window, which also `learns` how uncertain odometry is.
-pub(super) fn solve_window(
-    problem: MapProblem,
-    max_iterations: usize,
-    ceiling: Ceiling,
-    cancel: &Arc<AtomicBool>,
-    learns: bool,
-) -> Outcome {
-    let optimizer = optimizer::Options { max_iterations, ceiling, ..optimizer::Options::default() };
-    let options = OptimizeOptions { optimizer, ..OptimizeOptions::default() };
-    let mut outcome = solve_graduated(problem, &options, cancel);
-    if learns && let Ok(Some(Solution { moved: Moved::Bundle(problem), .. })) = &mut outcome {
-        problem.learn_noise();
-    }
-    outcome
-}
-
-/// Share of a keyframe's observations beyond the width of a loss that lets go from which on a solve begins with
-/// a convex one: below it the start is near, and what is beyond is wrong.
-const MOST_BEYOND: f64 = 0.5;
-
-/// Bundle adjustment by a loss that may let go of what does not fit. From a far start that would be nearly
-/// everything; there the convex loss of the same width comes first.
-fn solve_graduated(
-    mut problem: MapProblem,
-    options: &OptimizeOptions,
-    cancel: &Arc<AtomicBool>,
-) -> Outcome {
-    let loss = problem.problem.observation_loss;
-    let width = match loss {
-        Loss::GemanMcClure(width) | Loss::Tukey(width) | Loss::Cauchy(width) => Some(width),
-        Loss::Trivial | Loss::Huber(_) => None,
-    };
-    let Some(width) = width.filter(|&width| starts_far(&problem.problem, width)) else {
-        return solve_bundle(problem, options, cancel, &mut ignore_iterations);
-    };
-    let before = bundle_cost(&problem.problem);
-    problem.problem.observation_loss = Loss::Huber(width);
-    let mut problem = match solve_bundle(problem, options, cancel, &mut ignore_iterations) {
-        Ok(Some(Solution { moved: Moved::Bundle(problem), .. })) => problem,
-        other => return other,
-    };
-    problem.problem.observation_loss = loss;
-    let mut outcome = solve_bundle(*problem, options, cancel, &mut ignore_iterations);
-    if let Ok(Some(Solution { certificate, .. })) = &mut outcome {
-        certificate.solve.initial_cost = before.total;
-        certificate.before = before;
-    }
-    outcome
-}
-
-/// Whether a pose that may move starts so far off that most of what it sees is beyond `width` deviations.
-fn starts_far(bundle: &BundleProblem, width: f64) -> bool {
-    let mut seen = vec![(0_usize, 0_usize); bundle.poses.len()];
-    for observation in bundle.observations() {
-        let pose = observation.pose as usize;
-        let camera = &bundle.cameras[observation.camera as usize];
-        let point = &bundle.landmarks[observation.landmark as usize];
-        let residual = observation.seen.residual(&bundle.poses[pose], camera, point);
-        let is_beyond = residual.is_none_or(|r| r.norm_squared() > width * width);
-        seen[pose].0 += usize::from(is_beyond);
-        seen[pose].1 += 1;
-    }
-    let free = seen.into_iter().zip(&bundle.constant_poses).filter(|&(_, &constant)| !constant);
-    free.into_iter().any(|((beyond, all), _)| beyond as f64 > MOST_BEYOND * all as f64)
-}
-
 /// Bundle adjustment of the whole map.
 pub(super) fn solve_map(
     map: Arc<Map>,
@@ -342,7 +289,7 @@ pub(super) fn solve_map(
 }
 
 /// Bundle adjustment.
-fn solve_bundle(
+pub(super) fn solve_bundle(
     mut problem: MapProblem,
     options: &OptimizeOptions,
     cancel: &Arc<AtomicBool>,
@@ -378,10 +325,11 @@ fn solve_bundle(
         fixed_poses,
         free_landmarks: bundle.constant_landmarks.iter().filter(|&&c| !c).count(),
         closures: None,
+        held: Vec::new(),
     };
     let counts = OptimizeCounts::of(&problem);
     let moved = Moved::Bundle(Box::new(problem));
-    Ok(Some(Solution { moved, certificate, counts, proof: None, rebuilt: None }))
+    Ok(Some(Solution { moved, certificate, counts, proof: None, rebuilt: None, refused: None }))
 }
 
 /// Ends a solve within its iterations: at the deadline or when it is canceled.
@@ -477,6 +425,7 @@ fn solve_graph(
         free_poses: problem.graph.poses.len() - fixed_poses,
         fixed_poses,
         free_landmarks: 0,
+        held: Vec::new(),
     };
     let counts = OptimizeCounts {
         keyframes: problem.keyframes.len(),
@@ -486,5 +435,12 @@ fn solve_graph(
         ..OptimizeCounts::default()
     };
     let moved = Moved::Graph(Box::new(problem));
-    Ok(Some(Solution { moved, certificate, counts, proof: solved.proof, rebuilt: None }))
+    Ok(Some(Solution {
+        moved,
+        certificate,
+        counts,
+        proof: solved.proof,
+        rebuilt: None,
+        refused: None,
+    }))
 }

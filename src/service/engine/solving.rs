@@ -19,14 +19,15 @@ use super::actor::Actor;
 use super::handle::Shared;
 use super::pool::{Ended, Slot, SolverPool};
 use super::schedule::Schedule;
-use super::solve::{Job, Moved, Outcome, Solution, solve_whole, solve_window};
+use super::solve::{HeldKeyframe, Job, Moved, Outcome, Solution, solve_whole};
+use super::window_solve::{WindowOptions, solve_window};
 use super::{
     EngineError, Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, SolveReport,
     SolveStep,
 };
 use crate::map::{
-    AppliedSolve, Change, ClientIndex, EntityId, Map, RequestId, SolveKind, SwitchedOff, applied,
-    choose_window_while, local_problem,
+    AppliedSolve, Change, ClientIndex, EntityId, Held, Map, RequestId, SolveKind, SwitchedOff,
+    applied, choose_window_while, local_problem,
 };
 
 /// Windows of which one tells how uncertain odometry is: they overlap, and it takes as long as an iteration.
@@ -184,9 +185,11 @@ impl Solving {
         let pairs = Arc::clone(&self.shared.pairs);
         let cancel = Arc::default();
         let learns = (self.last_id + 1) % LEARN_EVERY == 0;
+        let options = WindowOptions { max_iterations, ceiling, learns };
+        let meters = Arc::clone(&self.shared.meters);
         self.launch(SolveKind::LocalBundle, false, triggers, estimate, cancel, move |cancel| {
             pairs.measure(unmeasured);
-            solve_window(problem, max_iterations, ceiling, cancel, learns)
+            solve_window(problem, &options, cancel, &mut |why| meters.disbelieve(why))
         });
         None
     }
@@ -291,6 +294,16 @@ impl Actor {
         self.ingest.acknowledge_optimized(marks, self.map.revision(), solve_id, report);
     }
 
+    /// The keyframes that a window was to move and holds.
+    fn held(&self, moved: &Moved) -> Vec<HeldKeyframe> {
+        let Moved::Bundle(problem) = moved else { return Vec::new() };
+        let named = |&(keyframe, reason): &(EntityId, Held)| {
+            let client = self.map.client(keyframe.client)?.name.clone();
+            Some(HeldKeyframe { client, id: keyframe.id, reason })
+        };
+        problem.held.iter().filter_map(named).collect()
+    }
+
     /// Handles the end of the running solve.
     pub(super) async fn solved(&mut self, (running, ended): (Running, Ended<Outcome>)) {
         let outcome = match ended {
@@ -341,7 +354,16 @@ impl Actor {
         running: &Running,
         solution: Solution,
     ) -> Result<OptimizeOutcome, EngineError> {
-        let Solution { moved, certificate, counts, proof, rebuilt } = solution;
+        let Solution { moved, mut certificate, counts, proof, rebuilt, refused } = solution;
+        if let Some(why) = refused {
+            self.pool.discard(moved);
+            let reason = format!("the window has no plausible result: {why}");
+            let report = SolveReport::Refused { reason: reason.clone() };
+            self.optimized(&running.triggers, running.id, &report);
+            let (map, change) = (self.shared.name.clone(), "solve_applied");
+            return Err(EngineError::Refused { map, change, reason });
+        }
+        certificate.held = self.held(&moved);
         let costs = (certificate.solve.initial_cost, certificate.solve.final_cost);
         if costs.1.is_finite() {
             let covered = self.solving.schedule.preview(&running.triggers);

@@ -87,10 +87,6 @@ fn header(
     let header = convert(|out| {
         let map_id = ids::map_id(&message.map_id, out);
         let name = display_name(&message.display_name, out);
-        let kept = match &message.policy {
-            None => Some(None),
-            Some(wanted) => policy(Some(wanted), limits, out).map(Some),
-        };
         let client = match message.client_id.as_str() {
             "" => Some(DEFAULT_CLIENT.to_owned()),
             client => ids::name(Path::root("client_id"), client, out),
@@ -101,6 +97,19 @@ fn header(
                 out.report(at, Reason::OutOfRange, "PLY holds points only and is not imported")
             }
             format => format,
+        };
+        let kept = match (message.policy, format) {
+            (None, Some(Format::Covis) | None) => Some(None),
+            (Some(wanted), Some(Format::Covis) | None) => {
+                policy(Some(&wanted), limits, out).map(Some)
+            }
+            // Poses of other programs are estimates and no odometry.
+            (wanted, Some(Format::Colmap(_) | Format::Tum | Format::G2o | Format::Ply)) => {
+                let wanted = wanted.unwrap_or_default();
+                let odometry = wanted.odometry.or(Some(false));
+                let wanted = v1::MapPolicy { odometry, ..wanted };
+                policy(Some(&wanted), limits, out).map(Some)
+            }
         };
         let (map_id, display_name) = (map_id?, Some(name?).filter(|name| !name.is_empty()));
         Some(Header {

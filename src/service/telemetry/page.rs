@@ -178,6 +178,12 @@ fn solves(text: &mut Text, engine: &EngineMeters) {
     }
     let help = "Local solves whose result was dropped for a loop closure or an optimization.";
     text.counter("covis_solves_superseded_total", help).row(&[], engine.superseded.get());
+    let help = "Results of local solves that were not believed, by reason; the window was solved again with \
+                what went astray held.";
+    let mut family = text.counter("covis_solves_refused_total", help);
+    for (reason, count) in engine.implausible().filter(|&(reason, _)| reason != "unmeasured") {
+        family.row(&[("reason", reason)], count.get());
+    }
     let help = "How long an engine held a thread of the async runtime at a time: processor time on \
                 Linux, elapsed time elsewhere.";
     text.histogram("covis_engine_held_seconds", help).seconds(&[], &engine.held_ns);

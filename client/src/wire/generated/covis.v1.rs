@@ -844,6 +844,11 @@ pub struct SolveSummary {
     /// Pose graphs of a map with loop closures only: what was found of them.
     #[prost(message, optional, tag = "30")]
     pub closures: ::core::option::Option<ClosureSummary>,
+    /// Local windows only: keyframes that were to move and are held where they were, because too little
+    /// measures them or because what the solve found of them was not believed. Every other keyframe that
+    /// OPTIMIZED covers was free in a solve with its neighbors.
+    #[prost(message, repeated, tag = "31")]
+    pub held_keyframes: ::prost::alloc::vec::Vec<HeldKeyframe>,
 }
 impl ::prost::Name for SolveSummary {
     const NAME: &'static str = "SolveSummary";
@@ -853,6 +858,29 @@ impl ::prost::Name for SolveSummary {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.SolveSummary".into()
+    }
+}
+/// A keyframe that a local window was to move and holds.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct HeldKeyframe {
+    /// Its client.
+    #[prost(string, tag = "1")]
+    pub client_id: ::prost::alloc::string::String,
+    /// Its id there.
+    #[prost(int64, tag = "2")]
+    pub keyframe_id: i64,
+    /// Why it is held.
+    #[prost(enumeration = "HoldReason", tag = "3")]
+    pub reason: i32,
+}
+impl ::prost::Name for HeldKeyframe {
+    const NAME: &'static str = "HeldKeyframe";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.HeldKeyframe".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.HeldKeyframe".into()
     }
 }
 /// Which robust loss, s = r' Omega r, w the width.
@@ -1264,6 +1292,51 @@ impl SigmaJudgment {
         }
     }
 }
+/// Why a local window holds a keyframe that it was to move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum HoldReason {
+    /// Never answered.
+    Unspecified = 0,
+    /// It sees too few landmarks that have a position, and nothing else measures it.
+    Unmeasured = 1,
+    /// Landmarks that lay ahead of its camera would lie behind it.
+    Behind = 2,
+    /// What it sees would fit much worse than before.
+    Worse = 3,
+    /// It would move far along what nothing measures.
+    Undetermined = 4,
+    /// The window would grow or shrink by more than a factor of three, and nothing measures its scale.
+    Scale = 5,
+}
+impl HoldReason {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "HOLD_REASON_UNSPECIFIED",
+            Self::Unmeasured => "HOLD_REASON_UNMEASURED",
+            Self::Behind => "HOLD_REASON_BEHIND",
+            Self::Worse => "HOLD_REASON_WORSE",
+            Self::Undetermined => "HOLD_REASON_UNDETERMINED",
+            Self::Scale => "HOLD_REASON_SCALE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "HOLD_REASON_UNSPECIFIED" => Some(Self::Unspecified),
+            "HOLD_REASON_UNMEASURED" => Some(Self::Unmeasured),
+            "HOLD_REASON_BEHIND" => Some(Self::Behind),
+            "HOLD_REASON_WORSE" => Some(Self::Worse),
+            "HOLD_REASON_UNDETERMINED" => Some(Self::Undetermined),
+            "HOLD_REASON_SCALE" => Some(Self::Scale),
+            _ => None,
+        }
+    }
+}
 /// A map as its readers see it; everything but map_id, display_name and policy is output only.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Map {
@@ -1537,7 +1610,8 @@ pub struct MapPolicy {
     #[prost(bool, optional, tag = "31")]
     pub closure_adjustment: ::core::option::Option<bool>,
     /// Whether odom_from_camera ties consecutive keyframes of a client, with a noise that the server finds.
-    /// An ODOMETRY constraint of the client takes its place. Default true.
+    /// An ODOMETRY constraint of the client takes its place. Default true, and false for a map that is
+    /// imported from another program's file: its poses are estimates.
     #[prost(bool, optional, tag = "33")]
     pub odometry: ::core::option::Option<bool>,
     /// Whether and how the server finds loop closures itself. Default: it does.

@@ -167,6 +167,8 @@ from .optimization_pb2 import ResidualKind as ResidualKind
 from .optimization_pb2 import SigmaJudgment as SigmaJudgment
 from .optimization_pb2 import ResidualStatistics as ResidualStatistics
 from .optimization_pb2 import SolveSummary as SolveSummary
+from .optimization_pb2 import HeldKeyframe as HeldKeyframe
+from .optimization_pb2 import HoldReason as HoldReason
 from .optimization_service_pb2 import RefinePoseRequest as RefinePoseRequest
 from .optimization_service_pb2 import PointObservation as PointObservation
 from .optimization_service_pb2 import LocalizeRequest as LocalizeRequest

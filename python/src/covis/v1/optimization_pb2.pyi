@@ -86,6 +86,15 @@ class SigmaJudgment(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     SIGMA_JUDGMENT_PLAUSIBLE: _ClassVar[SigmaJudgment]
     SIGMA_JUDGMENT_TOO_SMALL: _ClassVar[SigmaJudgment]
     SIGMA_JUDGMENT_TOO_LARGE: _ClassVar[SigmaJudgment]
+
+class HoldReason(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    HOLD_REASON_UNSPECIFIED: _ClassVar[HoldReason]
+    HOLD_REASON_UNMEASURED: _ClassVar[HoldReason]
+    HOLD_REASON_BEHIND: _ClassVar[HoldReason]
+    HOLD_REASON_WORSE: _ClassVar[HoldReason]
+    HOLD_REASON_UNDETERMINED: _ClassVar[HoldReason]
+    HOLD_REASON_SCALE: _ClassVar[HoldReason]
 LOSS_KIND_UNSPECIFIED: LossKind
 LOSS_KIND_TRIVIAL: LossKind
 LOSS_KIND_HUBER: LossKind
@@ -139,6 +148,12 @@ SIGMA_JUDGMENT_UNSPECIFIED: SigmaJudgment
 SIGMA_JUDGMENT_PLAUSIBLE: SigmaJudgment
 SIGMA_JUDGMENT_TOO_SMALL: SigmaJudgment
 SIGMA_JUDGMENT_TOO_LARGE: SigmaJudgment
+HOLD_REASON_UNSPECIFIED: HoldReason
+HOLD_REASON_UNMEASURED: HoldReason
+HOLD_REASON_BEHIND: HoldReason
+HOLD_REASON_WORSE: HoldReason
+HOLD_REASON_UNDETERMINED: HoldReason
+HOLD_REASON_SCALE: HoldReason
 
 class Loss(_message.Message):
     __slots__ = ("kind", "width")
@@ -297,7 +312,7 @@ class ResidualStatistics(_message.Message):
     def __init__(self, kind: _Optional[_Union[ResidualKind, str]] = ..., factor_count: _Optional[int] = ..., initial_rms: _Optional[float] = ..., final_rms: _Optional[float] = ..., redundant_count: _Optional[int] = ..., initial_redundant_rms: _Optional[float] = ..., final_redundant_rms: _Optional[float] = ..., reduced_chi2: _Optional[float] = ..., outlier_share: _Optional[float] = ..., sigma_ratio: _Optional[float] = ..., sigma_judgment: _Optional[_Union[SigmaJudgment, str]] = ..., hint: _Optional[str] = ...) -> None: ...
 
 class SolveSummary(_message.Message):
-    __slots__ = ("termination", "description", "initial_cost", "final_cost", "factor_costs", "gradient_max_norm", "linear_residual", "thread_count", "iteration_count", "accepted_iteration_count", "method", "linear_solver", "gauge", "behind_camera_observation_count", "reprojection", "free_pose_count", "fixed_pose_count", "free_landmark_count", "solve_duration_us", "simd_class", "residuals", "closures")
+    __slots__ = ("termination", "description", "initial_cost", "final_cost", "factor_costs", "gradient_max_norm", "linear_residual", "thread_count", "iteration_count", "accepted_iteration_count", "method", "linear_solver", "gauge", "behind_camera_observation_count", "reprojection", "free_pose_count", "fixed_pose_count", "free_landmark_count", "solve_duration_us", "simd_class", "residuals", "closures", "held_keyframes")
     TERMINATION_FIELD_NUMBER: _ClassVar[int]
     DESCRIPTION_FIELD_NUMBER: _ClassVar[int]
     INITIAL_COST_FIELD_NUMBER: _ClassVar[int]
@@ -320,6 +335,7 @@ class SolveSummary(_message.Message):
     SIMD_CLASS_FIELD_NUMBER: _ClassVar[int]
     RESIDUALS_FIELD_NUMBER: _ClassVar[int]
     CLOSURES_FIELD_NUMBER: _ClassVar[int]
+    HELD_KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
     termination: Termination
     description: str
     initial_cost: float
@@ -342,4 +358,15 @@ class SolveSummary(_message.Message):
     simd_class: str
     residuals: _containers.RepeatedCompositeFieldContainer[ResidualStatistics]
     closures: ClosureSummary
-    def __init__(self, termination: _Optional[_Union[Termination, str]] = ..., description: _Optional[str] = ..., initial_cost: _Optional[float] = ..., final_cost: _Optional[float] = ..., factor_costs: _Optional[_Iterable[_Union[FactorCost, _Mapping]]] = ..., gradient_max_norm: _Optional[float] = ..., linear_residual: _Optional[float] = ..., thread_count: _Optional[int] = ..., iteration_count: _Optional[int] = ..., accepted_iteration_count: _Optional[int] = ..., method: _Optional[_Union[SolverMethod, str]] = ..., linear_solver: _Optional[_Union[LinearSolver, str]] = ..., gauge: _Optional[_Union[Gauge, str]] = ..., behind_camera_observation_count: _Optional[int] = ..., reprojection: _Optional[_Union[ReprojectionStatistics, _Mapping]] = ..., free_pose_count: _Optional[int] = ..., fixed_pose_count: _Optional[int] = ..., free_landmark_count: _Optional[int] = ..., solve_duration_us: _Optional[int] = ..., simd_class: _Optional[str] = ..., residuals: _Optional[_Iterable[_Union[ResidualStatistics, _Mapping]]] = ..., closures: _Optional[_Union[ClosureSummary, _Mapping]] = ...) -> None: ...
+    held_keyframes: _containers.RepeatedCompositeFieldContainer[HeldKeyframe]
+    def __init__(self, termination: _Optional[_Union[Termination, str]] = ..., description: _Optional[str] = ..., initial_cost: _Optional[float] = ..., final_cost: _Optional[float] = ..., factor_costs: _Optional[_Iterable[_Union[FactorCost, _Mapping]]] = ..., gradient_max_norm: _Optional[float] = ..., linear_residual: _Optional[float] = ..., thread_count: _Optional[int] = ..., iteration_count: _Optional[int] = ..., accepted_iteration_count: _Optional[int] = ..., method: _Optional[_Union[SolverMethod, str]] = ..., linear_solver: _Optional[_Union[LinearSolver, str]] = ..., gauge: _Optional[_Union[Gauge, str]] = ..., behind_camera_observation_count: _Optional[int] = ..., reprojection: _Optional[_Union[ReprojectionStatistics, _Mapping]] = ..., free_pose_count: _Optional[int] = ..., fixed_pose_count: _Optional[int] = ..., free_landmark_count: _Optional[int] = ..., solve_duration_us: _Optional[int] = ..., simd_class: _Optional[str] = ..., residuals: _Optional[_Iterable[_Union[ResidualStatistics, _Mapping]]] = ..., closures: _Optional[_Union[ClosureSummary, _Mapping]] = ..., held_keyframes: _Optional[_Iterable[_Union[HeldKeyframe, _Mapping]]] = ...) -> None: ...
+
+class HeldKeyframe(_message.Message):
+    __slots__ = ("client_id", "keyframe_id", "reason")
+    CLIENT_ID_FIELD_NUMBER: _ClassVar[int]
+    KEYFRAME_ID_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    client_id: str
+    keyframe_id: int
+    reason: HoldReason
+    def __init__(self, client_id: _Optional[str] = ..., keyframe_id: _Optional[int] = ..., reason: _Optional[_Union[HoldReason, str]] = ...) -> None: ...

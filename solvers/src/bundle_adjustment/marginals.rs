@@ -1,4 +1,4 @@
-//! How well a solved problem knows the relative poses that its factors measured.
+//! How well a solved problem knows its poses, and the relative poses that its factors measured.
 //!
 //! With the Gauss-Newton matrix H of all factors at the estimates, each weighted by its loss there, the
 //! covariance of the free variables is H⁻¹; landmarks are eliminated first, S = H_pp − H_pl H_ll⁻¹ H_lp. For
@@ -22,18 +22,47 @@ pub struct PairEstimate {
 
 const BLOCK: usize = 6;
 
+/// The covariance of all free poses.
+struct Marginals {
+    /// The place of each free pose in the matrix.
+    place: Vec<Option<usize>>,
+    covariance: DMatrix<f64>,
+}
+
+impl Marginals {
+    /// `None` where the factors leave a pose open.
+    fn of(problem: &BundleProblem) -> Option<Self> {
+        let place = places(problem);
+        let count = place.iter().flatten().count();
+        let mut reduced = DMatrix::<f64>::zeros(BLOCK * count, BLOCK * count);
+        add_observations(problem, &place, &mut reduced);
+        add_pose_factors(problem, &place, &mut reduced);
+        let covariance = reduced.cholesky()?.inverse();
+        Some(Self { place, covariance })
+    }
+
+    fn block(&self, a: usize, b: usize) -> Matrix6<f64> {
+        self.covariance.fixed_view::<BLOCK, BLOCK>(BLOCK * a, BLOCK * b).into_owned()
+    }
+}
+
+/// The covariance of these poses of `problem`, about δ of T · Exp(δ), translation first, 0 of a constant one; `None`
+/// where the factors leave a pose open.
+#[must_use]
+pub fn pose_covariances(problem: &BundleProblem, wanted: &[usize]) -> Option<Vec<Matrix6<f64>>> {
+    let marginals = Marginals::of(problem)?;
+    let covariance = |&pose: &usize| match marginals.place.get(pose)? {
+        Some(at) => Some(marginals.block(*at, *at)),
+        None => Some(Matrix6::zeros()),
+    };
+    wanted.iter().map(covariance).collect()
+}
+
 /// Of the relative-pose factors of `problem` with these indices; `None` where the factors leave a pose open.
 #[must_use]
 pub fn pair_covariances(problem: &BundleProblem, wanted: &[usize]) -> Option<Vec<PairEstimate>> {
-    let place = places(problem);
-    let count = place.iter().flatten().count();
-    let mut reduced = DMatrix::<f64>::zeros(BLOCK * count, BLOCK * count);
-    add_observations(problem, &place, &mut reduced);
-    add_pose_factors(problem, &place, &mut reduced);
-    let covariance = reduced.cholesky()?.inverse();
-    let block = |a: usize, b: usize| -> Matrix6<f64> {
-        covariance.fixed_view::<BLOCK, BLOCK>(BLOCK * a, BLOCK * b).into_owned()
-    };
+    let marginals = Marginals::of(problem)?;
+    let place = &marginals.place;
     let estimate = |&index: &usize| {
         let factor = problem.relative_poses.get(index)?;
         let PairLinearization { residual, d_i, d_j } = linearized(problem, factor);
@@ -42,7 +71,7 @@ pub fn pair_covariances(problem: &BundleProblem, wanted: &[usize]) -> Option<Vec
         for (a, of_a) in ends {
             for (b, of_b) in ends {
                 if let (Some(a), Some(b)) = (a, b) {
-                    known += of_a * block(a, b) * of_b.transpose();
+                    known += of_a * marginals.block(a, b) * of_b.transpose();
                 }
             }
         }
@@ -93,8 +122,7 @@ fn add_observations(problem: &BundleProblem, place: &[Option<usize>], reduced: &
         }
     }
     for (views, information) in views.iter().zip(&of_landmark) {
-        // One that nothing determines says nothing of the poses either.
-        let Some(inverse) = information.try_inverse() else { continue };
+        let inverse = pseudo_inverse(information);
         for &(a, of_a) in views {
             let gain = of_a * inverse;
             for &(b, of_b) in views {
@@ -104,6 +132,24 @@ fn add_observations(problem: &BundleProblem, place: &[Option<usize>], reduced: &
             }
         }
     }
+}
+
+/// Below this share of the largest eigenvalue an information is none.
+const NO_INFORMATION: f64 = 1e-10;
+
+/// The inverse of a landmark's information, where a single ray leaves its depth open, that across the ray: what
+/// the view says along it is then taken from the pose.
+fn pseudo_inverse(information: &Matrix3<f64>) -> Matrix3<f64> {
+    let scale = information.trace() / 3.0;
+    if information.determinant() > NO_INFORMATION * scale.powi(3)
+        && let Some(inverse) = information.try_inverse()
+    {
+        return inverse;
+    }
+    let eigen = information.symmetric_eigen();
+    let least = NO_INFORMATION * eigen.eigenvalues.max();
+    let inverses = eigen.eigenvalues.map(|value| if value > least { 1.0 / value } else { 0.0 });
+    eigen.eigenvectors * Matrix3::from_diagonal(&inverses) * eigen.eigenvectors.transpose()
 }
 
 fn add_pose_factors(problem: &BundleProblem, place: &[Option<usize>], reduced: &mut DMatrix<f64>) {
@@ -121,6 +167,18 @@ fn add_pose_factors(problem: &BundleProblem, place: &[Option<usize>], reduced: &
             }
         }
     }
+    for prior in &problem.pose_priors {
+        let Some(at) = place[prior.pose] else { continue };
+        let (residual, d_pose) = prior.linearize(&problem.poses[prior.pose]);
+        let weight = prior.loss.evaluate(prior.information.squared_norm(&residual)).weight;
+        add(reduced, at, at, &(weight * d_pose.transpose() * prior.information.matrix() * d_pose));
+    }
+    for prior in &problem.position_priors {
+        let Some(at) = place[prior.pose] else { continue };
+        let (residual, d_pose) = prior.linearize(&problem.poses[prior.pose]);
+        let weight = prior.loss.evaluate(prior.information.squared_norm(&residual)).weight;
+        add(reduced, at, at, &(weight * d_pose.transpose() * prior.information.matrix() * d_pose));
+    }
 }
 
 #[cfg(test)]
@@ -128,6 +186,7 @@ mod tests {
     use nalgebra::{Matrix3x6, Matrix6};
 
     use super::*;
+    use crate::factors::{PosePrior, Reprojection};
     use crate::geometry::LieGroup;
     use crate::information::Information;
     use crate::loss::Loss;
@@ -217,6 +276,54 @@ mod tests {
             );
             assert_eq!(found.residual, lin.residual);
         }
+    }
+
+    #[test]
+    fn covariances_of_poses_are_those_of_the_whole_normal_equations() {
+        let problem = problem();
+        let inverse = dense_inverse(&problem);
+        let all: Vec<usize> = (0..problem.poses.len()).collect();
+        for (pose, found) in pose_covariances(&problem, &all).unwrap().into_iter().enumerate() {
+            let expected = match problem.constant_poses[pose] {
+                true => Matrix6::zeros(),
+                false => {
+                    let block = inverse.view((BLOCK * pose, BLOCK * pose), (BLOCK, BLOCK));
+                    Matrix6::from_iterator(block.iter().copied())
+                }
+            };
+            assert!((found - expected).norm() <= 1e-8 * expected.norm(), "{found}\n{expected}");
+        }
+        assert_eq!(pose_covariances(&problem, &[problem.poses.len()]), None, "no such pose");
+    }
+
+    #[test]
+    fn landmarks_that_one_pose_alone_sees_say_nothing_of_it() {
+        let mut problem = problem();
+        problem.relative_poses.clear();
+        let own: Vec<_> = problem.observations().filter(|seen| seen.pose == 1).collect();
+        problem.reprojections = Default::default();
+        problem.depth_reprojections = Default::default();
+        for seen in own {
+            let view = Reprojection { depth_m: None, ..seen.seen };
+            problem.push_observation(seen.pose, seen.camera, seen.landmark, view);
+        }
+        problem.constant_poses.fill(true);
+        problem.constant_poses[1] = false;
+        let Some(found) = pose_covariances(&problem, &[1]) else { return };
+        assert!(found[0].diagonal().max() > 1e6, "{}", found[0]);
+    }
+
+    #[test]
+    fn a_prior_alone_gives_its_own_covariance() {
+        let mut problem = BundleProblem::default();
+        let pose = problem.push_pose(Se3::identity());
+        let information = Information::from_sigmas(&Vector6::repeat(0.1)).unwrap();
+        let world_from_camera = Se3::identity();
+        assert_eq!(pose_covariances(&problem, &[pose]), None);
+        let loss = Loss::Trivial;
+        problem.pose_priors.push(PosePrior { pose, world_from_camera, information, loss });
+        let found = pose_covariances(&problem, &[pose]).unwrap();
+        assert!((found[0] - Matrix6::identity() * 0.01).norm() < 1e-12, "{}", found[0]);
     }
 
     #[test]

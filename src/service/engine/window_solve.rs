@@ -1,0 +1,118 @@
+//! The solve of a window: bundle adjustment from a start that may be far, and a result that is plausible.
+//!
+//! A result that is not (`MapProblem::implausible`) is dropped; the window is solved again from its start with
+//! those keyframes held that went astray. If that is no better, the map keeps its estimates. Nothing of the
+//! engine's state is used here.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use covis_solvers::evaluation::bundle_cost;
+use covis_solvers::loss::Loss;
+use covis_solvers::optimizer::{self, ignore_iterations};
+use covis_solvers::price::Ceiling;
+
+use super::solve::{Moved, OptimizeOptions, Outcome, Solution, solve_bundle};
+use crate::map::{Held, MapProblem};
+
+/// How a window is solved.
+pub(super) struct WindowOptions {
+    pub(super) max_iterations: usize,
+    pub(super) ceiling: Ceiling,
+    /// Whether it tells how uncertain odometry is.
+    pub(super) learns: bool,
+}
+
+/// Solves a window. `refused` gets why a result was not believed.
+pub(super) fn solve_window(
+    problem: MapProblem,
+    options: &WindowOptions,
+    cancel: &Arc<AtomicBool>,
+    refused: &mut dyn FnMut(Held),
+) -> Outcome {
+    let WindowOptions { max_iterations, ceiling, learns } = *options;
+    let optimizer = optimizer::Options { max_iterations, ceiling, ..optimizer::Options::default() };
+    let options = OptimizeOptions { optimizer, ..OptimizeOptions::default() };
+    let start = problem.start();
+    let (mut problem, mut is_again) = (problem, false);
+    loop {
+        let mut solution = match solve_graduated(problem, &options, cancel) {
+            Ok(Some(solution)) => solution,
+            other => return other,
+        };
+        let Moved::Bundle(solved) = &mut solution.moved else { return Ok(Some(solution)) };
+        let astray = solved.implausible(&start);
+        let Some(&(_, why)) = astray.first() else {
+            if learns {
+                solved.learn_noise();
+            }
+            return Ok(Some(solution));
+        };
+        refused(why);
+        if is_again {
+            solution.refused = Some(why);
+            return Ok(Some(solution));
+        }
+        is_again = true;
+        solved.restart(&start, &astray);
+        problem = (**solved).clone();
+    }
+}
+
+/// When a keyframe starts so far off that a loss which lets go would let go of the truth: this share of its
+/// observations is beyond so many widths of the loss.
+const FAR: (f64, f64) = (0.5, 1.0);
+/// The same where odometry says where the keyframe is. Most of what a camera sees may move with it, as a car
+/// ahead does, but hardly everything; and the loss still pulls at a few widths.
+const FAR_BY_ODOMETRY: (f64, f64) = (0.9, 5.0);
+
+/// Bundle adjustment by a loss that may let go of what does not fit. From a far start that would be nearly
+/// everything; there the convex loss of the same width comes first.
+fn solve_graduated(
+    mut problem: MapProblem,
+    options: &OptimizeOptions,
+    cancel: &Arc<AtomicBool>,
+) -> Outcome {
+    let loss = problem.problem.observation_loss;
+    let width = match loss {
+        Loss::GemanMcClure(width) | Loss::Tukey(width) | Loss::Cauchy(width) => Some(width),
+        Loss::Trivial | Loss::Huber(_) => None,
+    };
+    let Some(width) = width.filter(|&width| starts_far(&problem, width)) else {
+        return solve_bundle(problem, options, cancel, &mut ignore_iterations);
+    };
+    let before = bundle_cost(&problem.problem);
+    problem.problem.observation_loss = Loss::Huber(width);
+    let mut problem = match solve_bundle(problem, options, cancel, &mut ignore_iterations) {
+        Ok(Some(Solution { moved: Moved::Bundle(problem), .. })) => problem,
+        other => return other,
+    };
+    problem.problem.observation_loss = loss;
+    let mut outcome = solve_bundle(*problem, options, cancel, &mut ignore_iterations);
+    if let Ok(Some(Solution { certificate, .. })) = &mut outcome {
+        certificate.solve.initial_cost = before.total;
+        certificate.before = before;
+    }
+    outcome
+}
+
+/// Whether a pose that may move starts far off; see [`FAR`].
+fn starts_far(problem: &MapProblem, width: f64) -> bool {
+    let bundle = &problem.problem;
+    let far = |pose| if problem.is_held_by_odometry(pose) { FAR_BY_ODOMETRY } else { FAR };
+    let far: Vec<(f64, f64)> = (0..bundle.poses.len()).map(far).collect();
+    let mut seen = vec![(0_usize, 0_usize); bundle.poses.len()];
+    for observation in bundle.observations() {
+        let pose = observation.pose as usize;
+        let camera = &bundle.cameras[observation.camera as usize];
+        let point = &bundle.landmarks[observation.landmark as usize];
+        let residual = observation.seen.residual(&bundle.poses[pose], camera, point);
+        let is_beyond = residual.is_none_or(|r| r.norm() > far[pose].1 * width);
+        seen[pose].0 += usize::from(is_beyond);
+        seen[pose].1 += 1;
+    }
+    let is_far = |(pose, &(beyond, all)): (usize, &(usize, usize))| {
+        !bundle.constant_poses[pose] && beyond as f64 > far[pose].0 * all as f64
+    };
+    seen.iter().enumerate().any(is_far)
+}
