@@ -90,6 +90,34 @@ fn jobs_on_a_map_are_submitted_listed_shown_and_deleted() {
 }
 
 #[test]
+fn a_job_that_does_not_converge_says_so() {
+    let workspace = Workspace::new();
+    let server = Running::start(&workspace, &workspace.path("data"));
+    let graph = golden("twins/sphere-200.g2o");
+    workspace.json(&format!("map import sphere {{}} --server {} --json", server.url), &[&graph]);
+    let ends = [
+        ("optimize-map --max-iterations 1", "max iterations"),
+        ("optimize-pose-graph --max-iterations 0", "max iterations"),
+        // A solve takes longer than the millisecond to which this is rounded.
+        ("optimize-map --time-limit 1e-9", "deadline"),
+    ];
+    for (number, (arguments, end)) in ends.into_iter().enumerate() {
+        let submit = format!("submit {arguments} --map sphere --id job-{number} --wait");
+        let job = json(&workspace, &server, &submit);
+        assert_eq!((&job["state"], &job["not_converged"]), (&"succeeded".into(), &end.into()));
+        assert_eq!(job["report"]["converged"], false, "{arguments}");
+        let shown = format!("job show job-{number} --server {}", server.url);
+        let text = workspace.run(&shown, &[]).stdout;
+        assert!(text.contains(&format!(", not converged: {end}")), "{text}");
+    }
+    let job = json(&workspace, &server, "submit optimize-map --map sphere --wait");
+    assert_eq!((&job["not_converged"], &job["report"]["converged"]), (&Value::Null, &true.into()));
+    let refused =
+        format!("job submit optimize-map --map sphere --time-limit 0 --server {}", server.url);
+    assert_eq!(workspace.run(&refused, &[]).code, Some(2));
+}
+
+#[test]
 fn what_cannot_be_done_is_said_in_one_line() {
     let workspace = Workspace::new();
     workspace.run("job list --server http://127.0.0.1:1", &[]).expect_failure(&["127.0.0.1:1"]);

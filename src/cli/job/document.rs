@@ -33,7 +33,7 @@ pub(super) struct Document {
     time_left_s: Option<f64>,
     cost_before: Option<f64>,
     cost_after: Option<f64>,
-    /// Why the solve of a map ended that did not converge.
+    /// Why solves ended that did not converge.
     not_converged: Option<String>,
     failure: Option<Failure>,
     files: Vec<File>,
@@ -115,13 +115,30 @@ impl From<v1::Job> for Document {
     }
 }
 
+/// How the solves of a job ended that did not converge.
 fn not_converged(result: v1::JobResult) -> Option<String> {
     use v1::Termination::{ConvergedFunction, ConvergedGradient, ConvergedParameter, Unspecified};
-    let Some(v1::job_result::Result::OptimizeMap(result)) = result.result else { return None };
-    let summary = result.summary?;
+    use v1::job_result::Result as Kind;
+    let (whole, problems) = match result.result? {
+        Kind::OptimizeMap(result) => (result.summary, Vec::new()),
+        Kind::Reconstruct(result) => (result.summary, result.problems),
+        Kind::SolveFiles(result) => (None, result.problems),
+        Kind::MergeMaps(_)
+        | Kind::RebuildMap(_)
+        | Kind::CompactMap(_)
+        | Kind::EvaluateTrajectory(_)
+        | Kind::ExportMap(_) => return None,
+    };
     // Of a solve whose certificate is lost it is not known.
     let converged = [ConvergedFunction, ConvergedGradient, ConvergedParameter, Unspecified];
-    (!converged.contains(&summary.termination())).then_some(summary.description)
+    let summaries = whole.into_iter().chain(problems.into_iter().filter_map(|p| p.summary));
+    let mut ends: Vec<String> = summaries
+        .filter(|summary| !converged.contains(&summary.termination()))
+        .map(|summary| summary.description)
+        .collect();
+    ends.sort_unstable();
+    ends.dedup();
+    (!ends.is_empty()).then(|| ends.join("; "))
 }
 
 fn costs(job: &Document) -> String {

@@ -3,10 +3,12 @@
 
 use std::hash::{BuildHasher, RandomState};
 use std::path::PathBuf;
+use std::time::Duration;
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 
+use super::super::choices::number;
 use super::super::map::{MapFormat, write_files};
 use super::super::output::{show, succeed_if};
 use super::super::progress::Working;
@@ -46,6 +48,10 @@ pub(super) struct Args {
     /// optimize-map, optimize-pose-graph on a map: most iterations [default: until it converges].
     #[arg(long, value_name = "N")]
     max_iterations: Option<i32>,
+    /// optimize-map, optimize-pose-graph on a map: end after so long with the best state so far
+    /// [default: when it converges].
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    time_limit: Option<Duration>,
     /// optimize-map on a map: free the cameras' intrinsics too; files always do.
     #[arg(long)]
     refine_intrinsics: bool,
@@ -181,10 +187,13 @@ async fn spec(client: &Client, args: &Args) -> anyhow::Result<Spec> {
 }
 
 fn optimization(map_id: String, problem: v1::MapProblem, args: &Args) -> v1::OptimizeMapRequest {
-    let options = args.max_iterations.map(|iterations| v1::SolverOptions {
-        max_iteration_count: Some(iterations),
+    let limit = |time: Duration| i64::try_from(time.as_millis()).unwrap_or(i64::MAX).max(1);
+    let options = v1::SolverOptions {
+        max_iteration_count: args.max_iterations,
+        deadline_ms: args.time_limit.map(limit),
         ..v1::SolverOptions::default()
-    });
+    };
+    let options = (options != v1::SolverOptions::default()).then_some(options);
     v1::OptimizeMapRequest {
         map_id,
         options,
@@ -192,6 +201,12 @@ fn optimization(map_id: String, problem: v1::MapProblem, args: &Args) -> v1::Opt
         refine_intrinsics: args.refine_intrinsics,
         ..v1::OptimizeMapRequest::default()
     }
+}
+
+/// A time above 0.
+fn seconds(text: &str) -> Result<Duration, String> {
+    let positive = number(text, "it must be a number of seconds above 0", |&s: &f64| s > 0.0)?;
+    Duration::try_from_secs_f64(positive).map_err(|error| error.to_string())
 }
 
 async fn evaluation(

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use covis_solvers::geometry::Se3;
 use covis_solvers::io::reading::{Content, FileCounts};
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
+use covis_solvers::optimizer;
 use serde_json::json;
 use tokio::sync::mpsc;
 
@@ -59,8 +60,9 @@ enum SolvedMap {
     Before(LastRequest),
 }
 
-/// Iterations of the solve of a whole map that says no number: far more than it takes to converge.
-const UNTIL_CONVERGED: usize = 1000;
+/// Iterations of the solve of a whole map that says no number: as many as one may ask for. A tolerance or
+/// the job's time ends it.
+const UNTIL_CONVERGED: usize = 10_000;
 
 /// What is said where the certificate of a solve is lost.
 const LOST: &str = "applied before the server ended; of its certificate only the costs are kept";
@@ -177,7 +179,10 @@ pub(super) async fn optimize(
 
 /// Poses and landmarks anew, from observations alone.
 pub(super) async fn rebuild(run: &Run<'_>, map_id: &str) -> Result<Made, ServiceError> {
-    let options = OptimizeOptions { problem: OptimizeProblem::Rebuild, ..Default::default() };
+    let optimizer =
+        optimizer::Options { max_iterations: UNTIL_CONVERGED, ..optimizer::Options::default() };
+    let problem = OptimizeProblem::Rebuild;
+    let options = OptimizeOptions { optimizer, problem, ..OptimizeOptions::default() };
     let mut stages = StagesLeft::default();
     let on_step = |step| {
         if let SolveStep::Reconstruction(step) = step {

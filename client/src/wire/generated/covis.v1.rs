@@ -452,8 +452,8 @@ impl ::prost::Name for Loss {
 /// How a solve runs. An absent field takes the server's default.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct SolverOptions {
-    /// Iterations, accepted or not, 1 to 10000; 0 evaluates only. Default 50; a job that
-    /// optimizes a map goes on until it converges, 1000 at most.
+    /// Iterations, accepted or not, 1 to 10000; 0 evaluates only. Default 50; a job that optimizes
+    /// a map goes on until a tolerance is met or its time ends, 10000 at most.
     #[prost(int32, optional, tag = "1")]
     pub max_iteration_count: ::core::option::Option<i32>,
     /// The step. Default LEVENBERG_MARQUARDT.
