@@ -129,7 +129,8 @@ pub struct ServerConfig {
     pub clock: Clock,
     /// A fault that a test injects, from `COVIS_TEST_FAULT`: `rpc:NAME` panics in the handler of
     /// that RPC, `rpc:*` of any; `hold-jobs` and `hold-problems` hold jobs; `panic-in-solve`,
-    /// `panic-in-background`, `impossible-result`, `panic-in-engine` and `fail-calls` are faults of the engine.
+    /// `panic-in-window`, `panic-in-result`, `panic-in-retirement`, `panic-in-background`,
+    /// `impossible-result`, `panic-in-engine` and `fail-calls` are faults of the engine.
     #[cfg(feature = "faults")]
     pub test_fault: Option<String>,
 }

@@ -451,6 +451,9 @@ fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
     }
     let fault = match name.as_str() {
         "panic-in-solve" => Fault::PanicInSolve,
+        "panic-in-window" => Fault::PanicInWindow,
+        "panic-in-result" => Fault::PanicInResult,
+        "panic-in-retirement" => Fault::PanicInRetirement,
         "panic-in-background" => Fault::PanicInBackground,
         "impossible-result" => Fault::ImpossibleResult,
         "panic-in-engine" => Fault::PanicInEngine,

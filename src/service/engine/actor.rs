@@ -334,6 +334,18 @@ impl Actor {
         self.pool.compute_from(&self.map, work).await
     }
 
+    /// As [`Actor::compute`], for what a solve needs or makes.
+    ///
+    /// # Errors
+    /// [`EngineError::Bug`]: it panicked. The map was only read and goes on.
+    pub(super) async fn attempt<R: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Map) -> R + Send + 'static,
+    ) -> Result<R, EngineError> {
+        let made = self.pool.attempt(&self.map, work).await;
+        made.map_err(|panicked| self.lost(&panicked))
+    }
+
     /// Journals and applies one change.
     ///
     /// # Errors

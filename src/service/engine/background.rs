@@ -203,8 +203,13 @@ impl Actor {
         if !may_start || self.check_open().is_err() {
             return;
         }
-        if !self.map.duplicates().is_empty()
-            && let (closures, landmarks) = self.compute(Map::false_duplicates).await
+        let has_duplicates = !self.background.is_off && !self.map.duplicates().is_empty();
+        let split = match has_duplicates {
+            true => self.attempt(Map::false_duplicates).await,
+            false => Ok(Default::default()),
+        };
+        self.background.is_off |= split.is_err();
+        if let Ok((closures, landmarks)) = split
             && !closures.is_empty()
         {
             let split = Change::DuplicatesSplit { closures, landmarks };

@@ -89,7 +89,7 @@ impl Actor {
         self.check_open()?;
         let mut count = 0;
         for keyframe in keyframes {
-            let retired = self.compute(move |map| retire_redundant(map, keyframe, share)).await;
+            let retired = self.attempt(move |map| retire_redundant(map, keyframe, share)).await?;
             if let Some(retired) = retired {
                 self.commit(None, Change::KeyframeRetired { retired }).await?;
                 self.shared.meters.retired.increment();

@@ -7,7 +7,7 @@ use super::actor::{Actor, SMALL, STEP};
 use super::ingest::{Admission, Ingest, frees, size_of_item};
 use super::schedule::Task;
 use super::stream::{Body, Queued, QueuedItem};
-use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
+use super::{Ack, AckStatus, EngineError, Fault, SolveReport, StreamEvent};
 use crate::map::{
     Affected, Cause, Change, ClientIndex, EntityId, Map, PartialItem, PendingSolve, Reason,
     Rejection, SolveRequest, has_unplaced, retire, triangulate,
@@ -133,8 +133,14 @@ impl Actor {
     pub(super) async fn make_room(&mut self, change: &Change) -> Result<bool, EngineError> {
         let Some(exceeded) = self.ingest.reserve(&self.map, change)? else { return Ok(true) };
         let counted = exceeded.counted;
-        let retired = self.compute(move |map| retire(map).filter(|r| frees(map, r, counted)));
-        let Some(retired) = retired.await else {
+        let panics = self.shared.config.injects(Fault::PanicInRetirement);
+        let retired = self.attempt(move |map| {
+            if panics {
+                std::panic::panic_any("staged by a test");
+            }
+            retire(map).filter(|retired| frees(map, retired, counted))
+        });
+        let Some(retired) = retired.await? else {
             return Err(self.shared.account.exceeded(exceeded));
         };
         self.commit(None, Change::KeyframeRetired { retired }).await?;
@@ -188,7 +194,8 @@ impl Actor {
     async fn triangulate_landmarks(&mut self, id: EntityId) -> Result<(), EngineError> {
         let seen = self.map.keyframes().get(&id).map_or(0, |k| k.observations.len());
         let positions = match seen > SMALL || has_unplaced(&self.map, id) {
-            true => self.compute(move |map| triangulate(map, id)).await,
+            // Without them the landmarks stay without positions.
+            true => self.attempt(move |map| triangulate(map, id)).await.unwrap_or_default(),
             false => Vec::new(),
         };
         if positions.is_empty() {

@@ -76,7 +76,7 @@ impl Actor {
     ) -> Result<MapInfo, EngineError> {
         self.check_open()?;
         let map = name.clone();
-        let merge = self.compute(move |map| {
+        let merge = self.attempt(move |map| {
             links.retain(|link| {
                 let held = |map: &Map, id| map.keyframes().contains_key(&id);
                 held(map, link.target) && held(&source, link.source)
@@ -84,7 +84,7 @@ impl Actor {
             map.merge_of((&name, &source), target_from_source, &renamed, &links)
         });
         let cannot = |error: MergeError| EngineError::CannotMerge { map: map.clone(), error };
-        let merge = merge.await.map_err(cannot)?;
+        let merge = merge.await?.map_err(cannot)?;
         // A robot at work that has sent nothing yet is one of the target's too.
         let is_at_work = |client: &&MergedClient| self.ingest.has_stream(client.index);
         if let Some(known) = merge.clients.iter().find(is_at_work) {
@@ -110,7 +110,7 @@ impl Actor {
     pub(super) async fn take_out(&mut self, name: String) -> Result<SeparatedMap, EngineError> {
         self.check_open()?;
         let wanted = name.clone();
-        let content = self.compute(move |map| map.taken_out(&wanted)).await;
+        let content = self.attempt(move |map| map.taken_out(&wanted)).await?;
         let map = || self.shared.name.clone();
         let content = content.map_err(|error| EngineError::CannotMerge { map: map(), error })?;
         let Some(content) = content.map(Arc::new) else {

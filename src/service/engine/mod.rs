@@ -165,6 +165,12 @@ impl EngineConfig {
 pub enum Fault {
     /// Every solve panics that items or a request make due.
     PanicInSolve,
+    /// The choice of every window panics.
+    PanicInWindow,
+    /// Whatever a solve found panics before it becomes an event.
+    PanicInResult,
+    /// Every keyframe that makes room panics.
+    PanicInRetirement,
     /// Every search for a place and every task that follows a loop closure panics.
     PanicInBackground,
     /// The result of every solve has a pose that is no number.

@@ -186,8 +186,7 @@ impl SolverPool {
     ) -> oneshot::Receiver<Result<R, SolvePanicked>> {
         let (reply, answer) = oneshot::channel();
         let work = Box::new(move || {
-            let result = catch_unwind(AssertUnwindSafe(work))
-                .map_err(|panic| SolvePanicked { message: panic_message(panic.as_ref()) });
+            let result = caught(work);
             // The receiver is gone if the work was superseded.
             let _unread = reply.send(result);
         });
@@ -248,6 +247,15 @@ impl SolverPool {
             result
         };
         self.compute(work).await
+    }
+
+    /// As [`Self::compute_from`], for what a solve needs: a panic of `work` loses its result.
+    pub(super) async fn attempt<R: Send + 'static>(
+        &self,
+        map: &Arc<Map>,
+        work: impl FnOnce(&Map) -> R + Send + 'static,
+    ) -> Result<R, SolvePanicked> {
+        self.compute_from(map, move |map| caught(move || work(map))).await
     }
 
     /// Drops a large value on another thread.
@@ -444,6 +452,12 @@ fn answered<R>(
     answer: Result<Result<R, SolvePanicked>, oneshot::error::RecvError>,
 ) -> Result<R, SolvePanicked> {
     answer.unwrap_or_else(|lost| Err(SolvePanicked { message: lost.to_string() }))
+}
+
+/// Runs work that touches nothing but its result.
+fn caught<R>(work: impl FnOnce() -> R) -> Result<R, SolvePanicked> {
+    catch_unwind(AssertUnwindSafe(work))
+        .map_err(|panic| SolvePanicked { message: panic_message(panic.as_ref()) })
 }
 
 /// The message of a panic.

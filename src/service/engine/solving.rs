@@ -10,6 +10,7 @@
 //! A window is built on another thread while the engine waits, so that a local solve holds no
 //! snapshot and causes no copy of the map.
 
+use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -165,7 +166,11 @@ impl Solving {
         let ceiling = self.shared.config.ceiling();
         let pairs = Arc::clone(&self.shared.pairs);
         let waiting = self.schedule.waiting();
-        let built = self.pool.compute_from(map, move |map| {
+        let panics = self.shared.config.injects(Fault::PanicInWindow);
+        let built = self.pool.attempt(map, move |map| {
+            if panics {
+                std::panic::panic_any("staged by a test");
+            }
             // The pairs of an edit are measured by the pose graph that needs them.
             let unmeasured = match *centers {
                 [keyframe] => pairs.unmeasured_near(map, keyframe),
@@ -179,7 +184,18 @@ impl Solving {
             });
             (window.free, problem, estimate, unmeasured)
         });
-        let (free, problem, estimate, unmeasured) = built.await;
+        let (free, problem, estimate, unmeasured) = match built.await {
+            Ok(built) => built,
+            Err(panicked) => {
+                // It ends as a solve that panics does.
+                let (triggers, cancel) = (self.schedule.within(&keyframes, &[]), Arc::default());
+                let kind = SolveKind::LocalBundle;
+                self.launch(kind, false, triggers, Estimate::LONG, cancel, move |_cancel| {
+                    resume_unwind(Box::new(panicked.message))
+                });
+                return None;
+            }
+        };
         let triggers = self.schedule.within(&keyframes, &free);
         let Some(estimate) = estimate else { return Some(triggers) };
         let pairs = Arc::clone(&self.shared.pairs);
@@ -384,6 +400,11 @@ impl Actor {
                     self.optimized(&running.triggers, running.id, &report);
                     return Err(error);
                 }
+                if let EngineError::Bug { .. } = error {
+                    let report = SolveReport::Lost { bug: error.clone() };
+                    self.optimized(&running.triggers, running.id, &report);
+                    return Err(error);
+                }
                 tracing::warn!(%error, solve = running.id, "a solve could not be applied");
                 self.ingest.end_all(&error);
                 self.solving.schedule.clear();
@@ -417,7 +438,8 @@ impl Actor {
     /// The result of a solve as it is to be journaled.
     ///
     /// # Errors
-    /// [`EngineError::Refused`]: it would move what the map's gauge holds. The map stays as it is.
+    /// [`EngineError::Refused`]: it would move what the map's gauge holds. [`EngineError::Bug`]. The map
+    /// stays as it is.
     pub(super) async fn result(
         &self,
         moved: Moved,
@@ -425,13 +447,17 @@ impl Actor {
         covered: Vec<(ClientIndex, i64)>,
         costs: (f64, f64),
     ) -> Result<AppliedSolve, EngineError> {
+        let panics = self.shared.config.injects(Fault::PanicInResult);
         let solve = move |map: &Map| {
+            if panics {
+                std::panic::panic_any("staged by a test");
+            }
             let solved = moved.solved();
             let solve = applied(map, solved, kind, covered, costs);
             let kept = map.keeps_gauge(solved.gauge(map), &solve);
             (solve, kept)
         };
-        let (solve, kept) = self.compute(solve).await;
+        let (solve, kept) = self.attempt(solve).await?;
         match kept {
             Ok(()) => Ok(solve),
             Err(error) => {

@@ -1,6 +1,6 @@
 //! Bugs: a panic while a map changes costs that map its writes, one in a solve that solve, and nothing else.
 
-use covis::map::MapPolicy;
+use covis::map::{MapLimits, MapPolicy, WhenFull};
 use covis::service::engine::{
     Ack, AckStatus, EngineError, Fault, MapState, OptimizeOptions, SolveReport,
 };
@@ -31,7 +31,13 @@ async fn check_poisoned(fixture: &Fixture) {
 
 #[tokio::test]
 async fn a_panic_in_a_solve_costs_that_solve() {
-    let fixture = Fixture::faulty(Fault::PanicInSolve).await;
+    for fault in [Fault::PanicInSolve, Fault::PanicInWindow, Fault::PanicInResult] {
+        check_lost(fault).await;
+    }
+}
+
+async fn check_lost(fault: Fault) {
+    let fixture = Fixture::faulty(fault).await;
     let map = fixture.map(MapPolicy::default()).await;
     let mut client = Client::open(&map).await;
     client.send_street(0..3).await;
@@ -40,7 +46,7 @@ async fn a_panic_in_a_solve_costs_that_solve() {
         let status = &ack.status;
         matches!(status, AckStatus::Optimized { outcome: SolveReport::Lost { .. }, .. })
     };
-    assert!(acks.iter().any(is_told), "{acks:?}");
+    assert!(acks.iter().any(is_told), "{fault:?}: {acks:?}");
     let info = map.info().await.unwrap();
     assert_eq!((info.state, info.snapshot.keyframes().len()), (MapState::Open, 3));
     // All that was acknowledged is in the journal.
@@ -49,7 +55,13 @@ async fn a_panic_in_a_solve_costs_that_solve() {
 
 #[tokio::test]
 async fn a_panic_in_an_optimization_is_answered_as_a_bug() {
-    let fixture = Fixture::faulty(Fault::PanicInSolve).await;
+    for fault in [Fault::PanicInSolve, Fault::PanicInResult] {
+        check_answered(fault).await;
+    }
+}
+
+async fn check_answered(fault: Fault) {
+    let fixture = Fixture::faulty(fault).await;
     let map = fixture.map(MapPolicy { local_bundle: false, ..MapPolicy::default() }).await;
     let mut client = Client::open(&map).await;
     client.send_street(0..2).await;
@@ -62,6 +74,23 @@ async fn a_panic_in_an_optimization_is_answered_as_a_bug() {
     let (progress, _rows) = mpsc::unbounded_channel();
     let outcome = map.optimize(OptimizeOptions::default(), progress).await;
     assert!(matches!(outcome, Err(EngineError::Bug { .. })), "{outcome:?}");
+}
+
+#[tokio::test]
+async fn a_panic_while_room_is_made_ends_the_stream_that_needs_it() {
+    let fixture = Fixture::faulty(Fault::PanicInRetirement).await;
+    let limits = MapLimits { keyframes: Some(3), ..MapLimits::default() };
+    let policy = MapPolicy { limits, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
+    let map = fixture.map(policy).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..4).await;
+    assert!(matches!(client.end().await, EngineError::Bug { .. }));
+    let info = map.info().await.unwrap();
+    assert_eq!((info.state, info.snapshot.keyframes().len()), (MapState::Open, 3));
+    let mut other = Client::open_as(&map, "other").await;
+    let sequence = other.send(camera_item(0)).await;
+    let ack = other.received(sequence).await;
+    assert!(matches!(ack.status, AckStatus::Received { duplicate: false }), "{ack:?}");
 }
 
 #[tokio::test]
