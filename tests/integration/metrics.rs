@@ -26,13 +26,13 @@ async fn http(address: SocketAddr, request: &str) -> String {
 }
 
 /// A page: values by name with labels, and the names of the families.
-struct Page {
+pub(crate) struct Page {
     values: BTreeMap<String, f64>,
     families: BTreeSet<String>,
 }
 
 impl Page {
-    async fn of(server: &RunningServer) -> Self {
+    pub(crate) async fn of(server: &RunningServer) -> Self {
         let address = server.metrics_addr().unwrap();
         let answer = http(address, "GET /metrics HTTP/1.1\r\nhost: covis\r\n\r\n").await;
         let (head, body) = answer.split_once("\r\n\r\n").unwrap();
@@ -61,12 +61,12 @@ impl Page {
     }
 
     #[track_caller]
-    fn get(&self, name: &str) -> f64 {
+    pub(crate) fn get(&self, name: &str) -> f64 {
         *self.values.get(name).unwrap_or_else(|| panic!("no {name} in {:#?}", self.values))
     }
 }
 
-async fn start(change: impl FnOnce(&mut ServerConfig)) -> TestServer {
+pub(crate) async fn start(change: impl FnOnce(&mut ServerConfig)) -> TestServer {
     TestServer::with(|config| {
         config.metrics_listen = Some("127.0.0.1:0".to_owned());
         change(config);
