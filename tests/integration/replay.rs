@@ -58,6 +58,10 @@ fn a_replayed_file_ends_where_ceres_ends() {
         let ceres = golden_json("ceres/window-6-80-fixed-intrinsics.json");
         let (after, limit) = (number(&json, "cost_after"), number(&ceres, "final_cost"));
         assert!(after <= limit * 1.0001, "{after} against {limit}");
+        let path = golden("twins/window-6-80.txt");
+        let solve = "solve bundle {} --fix-intrinsics --json";
+        let solved = number(&Workspace::new().json(solve, &[&path]), "final_cost");
+        assert!(close(after, solved, 1e-6), "{after} against {solved} of the file");
         let rmse = (2.0 * after / number(&json, "observations")).sqrt();
         assert!(close(number(&json, "rmse_px_after"), rmse, 1e-9));
         let mut maps = server.maps();
