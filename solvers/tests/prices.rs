@@ -2,12 +2,15 @@
 
 use std::time::Duration;
 
-use covis_solvers::geometry::{LieGroup, Se2};
+use covis_solvers::bundle_adjustment;
+use covis_solvers::factors::Reprojection;
+use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se2, Se3};
 use covis_solvers::optimizer::{self, Termination, ignore_iterations};
 use covis_solvers::pose_graph::{self, Options};
 use covis_solvers::price::{Ceiling, Resource, TooExpensive};
-use covis_solvers::problem::{PoseGraph, SolveError};
+use covis_solvers::problem::{BundleProblem, PoseGraph, SolveError};
 use covis_solvers::testing::random::seeded;
+use nalgebra::{Vector2, Vector3};
 
 use crate::pose_graph::graphs::{Recipe, edge, make};
 
@@ -64,4 +67,28 @@ fn time_that_is_over_leaves_the_start() {
         optimizer::Options { deadline: Some(Duration::ZERO), ..optimizer::Options::default() };
     assert_eq!(solve(&mut graph, options), Ok(Termination::Deadline));
     assert!(before.iter().zip(&graph.poses).all(|(a, b)| a.log() == b.log()));
+}
+
+#[test]
+fn views_that_only_hold_a_landmark_make_no_pairs() {
+    let mut problem = BundleProblem::default();
+    let zero = [0.0; 5];
+    let [k1, k2, k3, p1, p2] = zero;
+    let lens =
+        PinholeRadialTangential { fx: 500.0, fy: 500.0, cx: 0.0, cy: 0.0, k1, k2, k3, p1, p2 };
+    problem.push_camera(Camera::Pinhole(lens), true);
+    problem.push_landmark(Vector3::new(0.0, 0.0, 5.0));
+    for pose in 0..100 {
+        problem.push_pose(Se3::identity());
+        let seen = Reprojection { pixel: Vector2::zeros(), sigma_px: 1.0, depth_m: None };
+        problem.push_observation(pose, 0, 0, seen);
+    }
+    let all_free = bundle_adjustment::price_bound(&problem);
+    problem.constant_poses[2..].fill(true);
+    let two_free = bundle_adjustment::price_bound(&problem);
+    assert!(two_free.flops_per_iteration < 0.05 * all_free.flops_per_iteration);
+    // Intrinsics that are free tie all of them again.
+    problem.constant_cameras.fill(false);
+    let tied = bundle_adjustment::price_bound(&problem);
+    assert!(tied.flops_per_iteration > 0.5 * all_free.flops_per_iteration);
 }

@@ -225,9 +225,13 @@ pub fn solve_kept(
 #[must_use]
 pub fn price_bound(problem: &BundleProblem) -> Price {
     let mut lengths = vec![0_u64; problem.landmarks.len()];
-    let (plain, depth) = (&problem.reprojections, &problem.depth_reprojections);
-    for &landmark in plain.landmarks.iter().chain(&depth.landmarks) {
-        if let Some(length) = lengths.get_mut(landmark as usize) {
+    // A landmark pairs the views with unknowns; those that only hold it cost no more than their observations.
+    let is_free = |constant: &[bool], index: u32| constant.get(index as usize) != Some(&true);
+    for observation in problem.observations() {
+        let pose_is_free = is_free(&problem.constant_poses, observation.pose);
+        if (pose_is_free || is_free(&problem.constant_cameras, observation.camera))
+            && let Some(length) = lengths.get_mut(observation.landmark as usize)
+        {
             *length += 1;
         }
     }
