@@ -19,6 +19,9 @@ pub(super) const MOST_FRAMES: usize = 4;
 /// adjustment converges from either.
 const FAR: (f64, f64) = (0.5, 0.2);
 
+/// Share of the cost of a start estimate as it was sent below which another one is plainly better.
+const PLAINLY_BETTER: f64 = 0.5;
+
 /// Keyframes of a client, the last by arrival, of which the one with the latest capture time is its
 /// newest. Fewer may arrive late; where so many were captured before an earlier one, the clock went back
 /// or that keyframe has a time in the future.
@@ -117,7 +120,9 @@ impl Map {
             let motions = carried.into_iter().chain(left);
             let costs = motions.filter_map(|motion| Some((moved(&motion)?, motion)));
             let best = costs.min_by(|a, b| a.0.total_cmp(&b.0));
-            return best.filter(|best| best.0 < as_sent).map(|best| best.1);
+            // Poses that are no odometry follow the keyframe before them where that is plain.
+            let most = if self.policy().odometry { as_sent } else { PLAINLY_BETTER * as_sent };
+            return best.filter(|best| best.0 < most).map(|best| best.1);
         }
         let carried = carried.filter(|_| self.policy().odometry);
         let motions = carried.into_iter().chain(left);

@@ -68,6 +68,11 @@ impl OdometryNoise {
             && self.pairs <= MOST_PAIRS
     }
 
+    /// Whether residuals had a part in it.
+    pub(super) fn is_found(&self) -> bool {
+        self.pairs > PRIOR_PAIRS
+    }
+
     /// The information of the relative pose of two keyframes.
     fn information(&self, relative: &Se3) -> Option<Information<6>> {
         let along = self.translation_share * way(relative);

@@ -347,7 +347,7 @@ fn verdict(off: Option<SwitchedOff>) -> Change {
 
 #[test]
 fn a_switched_off_closure_is_state_and_takes_part_in_no_bundle() {
-    let mut journal = street(3, MapPolicy::default());
+    let mut journal = street(3, MapPolicy { odometry: false, ..MapPolicy::default() });
     let closure = relative_pose(7, ConstraintKind::LoopClosure, 0, 2, pose_at(9.0));
     journal.send(ROBOT, &closure).unwrap();
     let factors = |journal: &Journal| {

@@ -378,7 +378,8 @@ fn a_problem_says_what_fixes_its_frame() {
     assert_eq!(whole(&journal.map, Gauge::FirstKeyframeFixed), Gauge::FirstKeyframeFixed);
     assert_eq!(whole(&journal.map, Gauge::FixedPoses), Gauge::FixedPoses);
     assert_eq!(whole(&journal.map, Gauge::Priors), Gauge::Free, "there are none");
-    let mut placed = street(4, MapPolicy { when_full: WhenFull::Reject, ..MapPolicy::default() });
+    let policy = MapPolicy { when_full: WhenFull::Reject, odometry: false, ..MapPolicy::default() };
+    let mut placed = street(4, policy);
     placed.send(ROBOT, &fix(1, 2, Vector3::new(2.0, 0.0, 0.0))).unwrap();
     // A keyframe without observations is held, and fixes nothing.
     let blind = Item::Keyframe {

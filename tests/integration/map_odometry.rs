@@ -149,7 +149,12 @@ fn the_whole_map_is_tied_by_odometry_but_for_where_it_began_anew() {
         }
         journal.send(ROBOT, &item).unwrap();
     }
-    let problem = global_problem(&journal.map, &GlobalOptions::default());
+    let whole = |journal: &Journal| global_problem(&journal.map, &GlobalOptions::default());
+    assert!(whole(&journal).odometry.is_empty(), "its noise is not known");
+    let mut solve = solve_of(SolveKind::LocalBundle);
+    solve.odometry_noise = vec![(ROBOT, OdometryNoise { pairs: 28.0, ..Default::default() })];
+    journal.push(Change::SolveApplied { solve });
+    let problem = whole(&journal);
     let pair = |&index: &usize| {
         let factor = &problem.problem.relative_poses[index];
         (problem.keyframes[factor.i].id, problem.keyframes[factor.j].id)

@@ -105,7 +105,7 @@ fn a_local_solve_recovers_a_bad_start_and_the_rest_stays() {
 
 #[test]
 fn the_global_problem_holds_every_observation_of_a_usable_landmark() {
-    let mut journal = street(4, MapPolicy::default());
+    let mut journal = street(4, MapPolicy { odometry: false, ..MapPolicy::default() });
     let problem = global_problem(&journal.map, &GlobalOptions::default());
     // Of 50 corners, 40 to 49 are seen once.
     assert_eq!(problem.landmarks.len(), 40);
@@ -143,7 +143,7 @@ fn measured(map: &Map) -> impl Fn(EntityId, EntityId) -> Option<RelativeMotion> 
 
 #[test]
 fn every_piece_of_the_map_gets_a_gauge_and_bare_poses_are_held() {
-    let mut journal = street(3, MapPolicy::default());
+    let mut journal = street(3, MapPolicy { odometry: false, ..MapPolicy::default() });
     for index in [20, 21, 22] {
         let item = street_keyframe(index, pose_at(index as f64), &journal.map);
         journal.send(ROBOT, &item).unwrap();

@@ -2300,7 +2300,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__submit)
-            opts="-h --map --file --id --priority --wait --out --max-iterations --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --json --server --ca --cert --key --token-file --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve rebuild"
+            opts="-h --map --file --id --priority --wait --out --max-iterations --time-limit --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --json --server --ca --cert --key --token-file --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve rebuild"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2327,6 +2327,10 @@ _covis() {
                     return 0
                     ;;
                 --max-iterations)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --time-limit)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;

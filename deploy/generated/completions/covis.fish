@@ -251,6 +251,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l priority -d 'Waiting jobs with a higher priority begin first, -100 to 100' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l out -d 'Wait, and write the files that the job makes: solved problems, an export. One file goes to this path, several into this folder' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l max-iterations -d 'optimize-map, optimize-pose-graph on a map: most iterations [default: until it converges]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l time-limit -d 'optimize-map, optimize-pose-graph on a map: end after so long with the best state so far [default: when it converges]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l redundant-share -d 'compact: retire keyframes of which this share of the landmarks is seen by three others' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l truth -d 'evaluate: the truth as a TUM trajectory' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l client -d 'evaluate: the client whose keyframes are compared [default: the map\'s only one]' -r

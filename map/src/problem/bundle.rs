@@ -306,19 +306,23 @@ impl<'a> Builder<'a> {
         count
     }
 
-    /// What odometry says of the poses so far. In a problem of the whole map it counts where the estimates
-    /// agree with it: a client whose odometry began anew is there in two pieces.
+    /// What odometry says of the poses so far. In a problem of the whole map it counts once windows have found
+    /// its noise, and where the estimates agree with it: a client whose odometry began anew is there in two
+    /// pieces.
     fn odometry_ties(&self) -> Vec<RelativePose<Se3, 6>> {
         if !self.ties_odometry {
             return Vec::new();
         }
         let tie = |(j, &keyframe): (usize, &EntityId)| {
             let tie = self.map.odometry_tie(keyframe)?;
+            let is_window = self.gauge.is_none();
+            let known = self.map.client(keyframe.client).map(|client| client.odometry_noise);
+            known.filter(|noise| is_window || noise.is_found())?;
             let &i = self.pose_of.get(&tie.before)?;
             let (i_from_j, information) = (tie.before_from_keyframe, tie.information);
             let tie = RelativePose { i, j, i_from_j, information, loss: Some(odometry::LOSS) };
             let poses = &self.problem.poses;
-            let counts = self.gauge.is_none() || odometry::holds(tie.chi2(&poses[i], &poses[j]));
+            let counts = is_window || odometry::holds(tie.chi2(&poses[i], &poses[j]));
             counts.then_some(tie)
         };
         self.keyframes.iter().enumerate().filter_map(tie).collect()

@@ -200,7 +200,7 @@ impl Solving {
         let Some(estimate) = estimate else { return Some(triggers) };
         let pairs = Arc::clone(&self.shared.pairs);
         let cancel = Arc::default();
-        let learns = (self.last_id + 1) % LEARN_EVERY == 0;
+        let learns = (map.solve_count() + 1) % LEARN_EVERY == 0;
         let options = WindowOptions { max_iterations, ceiling, learns };
         let meters = Arc::clone(&self.shared.meters);
         self.launch(SolveKind::LocalBundle, false, triggers, estimate, cancel, move |cancel| {

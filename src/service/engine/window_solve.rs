@@ -67,9 +67,10 @@ const FAR: (f64, f64) = (0.5, 1.0);
 const FAR_BY_ODOMETRY: (f64, f64) = (0.9, 5.0);
 
 /// Bundle adjustment by a loss that may let go of what does not fit. From a far start that would be nearly
-/// everything; there the convex loss of the same width comes first.
+/// everything; there the convex loss of the same width comes first. Where odometry says that the start is not
+/// far, of both minima the lower one counts.
 fn solve_graduated(
-    mut problem: MapProblem,
+    problem: MapProblem,
     options: &OptimizeOptions,
     cancel: &Arc<AtomicBool>,
 ) -> Outcome {
@@ -78,41 +79,72 @@ fn solve_graduated(
         Loss::GemanMcClure(width) | Loss::Tukey(width) | Loss::Cauchy(width) => Some(width),
         Loss::Trivial | Loss::Huber(_) => None,
     };
-    let Some(width) = width.filter(|&width| starts_far(&problem, width)) else {
+    let Some((width, far)) = width.and_then(|width| Some((width, farthest(&problem, width)?)))
+    else {
         return solve_bundle(problem, options, cancel, &mut ignore_iterations);
     };
     let before = bundle_cost(&problem.problem);
-    problem.problem.observation_loss = Loss::Huber(width);
-    let mut problem = match solve_bundle(problem, options, cancel, &mut ignore_iterations) {
-        Ok(Some(Solution { moved: Moved::Bundle(problem), .. })) => problem,
+    let direct = match far {
+        Start::Open => None,
+        Start::ByOdometry => {
+            let direct = solve_bundle(problem.clone(), options, cancel, &mut ignore_iterations);
+            match direct {
+                Ok(Some(direct)) => Some(direct),
+                other => return other,
+            }
+        }
+    };
+    let mut convex = problem;
+    convex.problem.observation_loss = Loss::Huber(width);
+    let mut convex = match solve_bundle(convex, options, cancel, &mut ignore_iterations) {
+        Ok(Some(Solution { moved: Moved::Bundle(convex), .. })) => convex,
         other => return other,
     };
-    problem.problem.observation_loss = loss;
-    let mut outcome = solve_bundle(*problem, options, cancel, &mut ignore_iterations);
+    convex.problem.observation_loss = loss;
+    let mut outcome = solve_bundle(*convex, options, cancel, &mut ignore_iterations);
     if let Ok(Some(Solution { certificate, .. })) = &mut outcome {
         certificate.solve.initial_cost = before.total;
         certificate.before = before;
     }
-    outcome
+    let cost = |solution: &Solution| solution.certificate.solve.final_cost;
+    match (direct, outcome) {
+        (Some(direct), Ok(Some(graduated))) if cost(&direct) <= cost(&graduated) => {
+            Ok(Some(direct))
+        }
+        (_, outcome) => outcome,
+    }
 }
 
-/// Whether a pose that may move starts far off; see [`FAR`].
-fn starts_far(problem: &MapProblem, width: f64) -> bool {
+/// What places a keyframe that starts far off.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Start {
+    /// Odometry, which may be right.
+    ByOdometry,
+    /// Nothing but its views.
+    Open,
+}
+
+/// What places the keyframe that starts far off, one that nothing places before others; `None` where none does.
+fn farthest(problem: &MapProblem, width: f64) -> Option<Start> {
     let bundle = &problem.problem;
-    let far = |pose| if problem.is_held_by_odometry(pose) { FAR_BY_ODOMETRY } else { FAR };
-    let far: Vec<(f64, f64)> = (0..bundle.poses.len()).map(far).collect();
+    let start = |pose| match problem.is_held_by_odometry(pose) {
+        true => (Start::ByOdometry, FAR_BY_ODOMETRY),
+        false => (Start::Open, FAR),
+    };
+    let starts: Vec<(Start, (f64, f64))> = (0..bundle.poses.len()).map(start).collect();
     let mut seen = vec![(0_usize, 0_usize); bundle.poses.len()];
     for observation in bundle.observations() {
         let pose = observation.pose as usize;
         let camera = &bundle.cameras[observation.camera as usize];
         let point = &bundle.landmarks[observation.landmark as usize];
         let residual = observation.seen.residual(&bundle.poses[pose], camera, point);
-        let is_beyond = residual.is_none_or(|r| r.norm() > far[pose].1 * width);
-        seen[pose].0 += usize::from(is_beyond);
+        let (_, (_, widths)) = starts[pose];
+        seen[pose].0 += usize::from(residual.is_none_or(|r| r.norm() > widths * width));
         seen[pose].1 += 1;
     }
-    let is_far = |(pose, &(beyond, all)): (usize, &(usize, usize))| {
-        !bundle.constant_poses[pose] && beyond as f64 > far[pose].0 * all as f64
-    };
-    seen.iter().enumerate().any(is_far)
+    let far = seen.iter().zip(&starts).zip(&bundle.constant_poses);
+    let far = far.filter(|&((&(beyond, all), &(_, (share, _))), &constant)| {
+        !constant && beyond as f64 > share * all as f64
+    });
+    far.map(|((_, &(start, _)), _)| start).max()
 }
