@@ -45,7 +45,8 @@ pub fn choose_window(map: &Map, keyframes: &[EntityId]) -> Window {
 }
 
 /// The same while the keyframes `waiting` have had no solve of their own. Those at the end of a trajectory
-/// are where odometry puts them: in the window they may move, around it they hold nothing.
+/// are where odometry puts them: they are in no window but their own, so that a burst is solved by the windows
+/// that the same keyframes one by one would have.
 #[must_use]
 pub fn choose_window_while(
     map: &Map,
@@ -57,12 +58,13 @@ pub fn choose_window_while(
     if free.is_empty() {
         return Window::default();
     }
+    let carried: BTreeSet<EntityId> = tails(map, waiting).difference(&free).copied().collect();
     let time = |id: EntityId| map.keyframes().get(&id).map_or(i64::MIN, |k| k.capture_time_ns);
     let mut shared: BTreeMap<EntityId, u32> = BTreeMap::new();
     let sharing = free.iter().flat_map(|&id| map.covisibility().neighbors(id));
     let again = free.iter().flat_map(|&id| observers_of_duplicates(map, id)).map(|id| (id, 1));
     for (id, count) in sharing.chain(again) {
-        if !free.contains(&id) {
+        if !free.contains(&id) && !carried.contains(&id) {
             *shared.entry(id).or_default() += count;
         }
     }
@@ -70,7 +72,6 @@ pub fn choose_window_while(
     neighbors.sort_unstable_by_key(|&(id, shared)| (Reverse(shared), Reverse(time(id)), id));
     neighbors.truncate(map.policy().window_keyframes.saturating_sub(free.len()));
     free.extend(neighbors.into_iter().map(|(id, _)| id));
-    let carried = tails(map, waiting);
     if map.policy().odometry {
         add_blind(map, &carried, &mut free);
     }
@@ -93,7 +94,6 @@ pub fn choose_window_while(
     if map.policy().odometry {
         fixed.extend(map.beside(&free));
     }
-    let carried: BTreeSet<EntityId> = carried.difference(&free).copied().collect();
     fixed.retain(|id| !carried.contains(id));
     let is_pose_prior = |id| matches!(map.priors().get(&id), Some(Prior::Pose { .. }));
     let has_pose_prior = free.iter().any(|&id| map.ties().of(id).any(is_pose_prior));
