@@ -7,6 +7,9 @@
 //! in the solve but belong to a keyframe that moved follow it in the same way, as do those that a local
 //! solve moved behind a camera or left without parallax (`window`).
 //!
+//! What a window moved since the solve began goes along with the motion that was found for it
+//! (`meanwhile`). Solves of the map's own are applied as far as it matters ([`Reach`]).
+//!
 //! A keyframe that the gauge holds never moves (`gauge`), also where it became the first one meanwhile.
 //!
 //! What a client edited meanwhile stays as the client left it: an entity that was removed gets nothing,
@@ -19,6 +22,8 @@ use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use nalgebra::Vector3;
 
 use super::gauge::keep_gauge;
+use super::meanwhile::caught_up;
+use super::noticeable::keep_noticeable;
 use super::numbers::is_finite;
 use super::window::is_well_placed;
 use super::{
@@ -53,29 +58,33 @@ impl Solved<'_> {
         asked.unwrap_or(map.policy().gauge)
     }
 
-    /// The poses that were free to move.
-    fn poses(&self) -> Vec<(EntityId, Se3)> {
-        let (ids, poses, constant) = match self {
-            Self::Bundle(p) => (&p.keyframes, &p.problem.poses, &p.problem.constant_poses),
-            Self::Graph(p) => (&p.keyframes, &p.graph.poses, &p.graph.constant),
+    /// The poses that were free to move: where each started, and where it was found.
+    pub(super) fn poses(&self) -> Vec<(EntityId, Se3, Se3)> {
+        let (ids, starts, poses, constant) = match self {
+            Self::Bundle(p) => {
+                (&p.keyframes, &p.start_poses, &p.problem.poses, &p.problem.constant_poses)
+            }
+            Self::Graph(p) => (&p.keyframes, &p.start_poses, &p.graph.poses, &p.graph.constant),
         };
-        let free = ids.iter().zip(poses).zip(constant).filter(|&(_, &constant)| !constant);
-        free.map(|((&id, &pose), _)| (id, pose)).collect()
+        let all = ids.iter().zip(starts).zip(poses).zip(constant);
+        let free = all.filter(|&(_, &constant)| !constant);
+        free.map(|(((&id, &start), &found), _)| (id, start, found)).collect()
     }
 
-    /// The landmarks that were free to move.
-    fn landmarks(&self) -> Vec<(EntityId, Vector3<f64>)> {
-        match self {
-            Self::Bundle(p) => {
-                let (positions, constant) = (&p.problem.landmarks, &p.problem.constant_landmarks);
-                let free = |at: usize| (constant.get(at) == Some(&false)).then_some(positions[at]);
-                let own = p.landmarks.iter().copied().enumerate();
-                let own = own.filter_map(|(at, id)| Some((id, free(at)?)));
-                let joined = p.duplicates.iter().filter_map(|&(id, at)| Some((id, free(at)?)));
-                own.chain(joined).collect()
+    /// The landmarks that were free to move, each with those that are one with it: where they started, and
+    /// where they were found.
+    pub(super) fn landmarks(&self) -> Vec<(Vec<EntityId>, Vector3<f64>, Vector3<f64>)> {
+        let Self::Bundle(p) = self else { return Vec::new() };
+        let (starts, found) = (&p.start_landmarks, &p.problem.landmarks);
+        let mut points: Vec<_> = p.landmarks.iter().map(|&id| vec![id]).collect();
+        for &(id, at) in &p.duplicates {
+            if let Some(point) = points.get_mut(at) {
+                point.push(id);
             }
-            Self::Graph(_) => Vec::new(),
         }
+        let all = points.into_iter().zip(starts).zip(found).zip(&p.problem.constant_landmarks);
+        let free = all.filter(|&(_, &constant)| !constant);
+        free.map(|(((ids, &start), &found), _)| (ids, start, found)).collect()
     }
 
     /// The intrinsics of cameras that were free and that the map still has as they were.
@@ -158,14 +167,43 @@ pub fn applied(
     covered: Vec<(ClientIndex, i64)>,
     costs: (f64, f64),
 ) -> AppliedSolve {
-    let start = solved.start_revision();
+    applied_as_far(map_now, solved, kind, covered, costs, Reach::All)
+}
+
+/// How much of a result is applied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// All of it.
+    All,
+    /// What measurements could notice (`noticeable`): for solves of the whole map that nobody asked for.
+    Noticeable {
+        /// Nothing where no closure contradicts the map ([`GraphProblem::contradicts`]).
+        if_contradicted: bool,
+    },
+}
+
+/// As [`applied()`], as far as `reach` says.
+#[must_use]
+pub fn applied_as_far(
+    map_now: &Map,
+    solved: Solved<'_>,
+    kind: SolveKind,
+    covered: Vec<(ClientIndex, i64)>,
+    costs: (f64, f64),
+    reach: Reach,
+) -> AppliedSolve {
     let keyframes = map_now.keyframes();
-    let was_solved =
-        |id: &EntityId| keyframes.get(id).is_some_and(|known| known.added_revision <= start);
-    let mut poses: BTreeMap<EntityId, Se3> =
-        solved.poses().into_iter().filter(|(id, _)| was_solved(id)).collect();
-    let mut landmarks = solved.landmarks();
+    let (mut poses, mut landmarks) = caught_up(map_now, solved, kind, solved.start_revision());
     keep_gauge(map_now, solved.gauge(map_now), kind, &mut poses, &mut landmarks);
+    match reach {
+        Reach::All => {}
+        Reach::Noticeable { if_contradicted: true } if !matches!(solved, Solved::Graph(graph) if graph.contradicts(map_now)) =>
+        {
+            poses.clear();
+            landmarks.clear();
+        }
+        Reach::Noticeable { .. } => keep_noticeable(map_now, &mut poses, &mut landmarks),
+    }
     let late = late_poses(map_now, solved, &poses);
     let late_ids: Vec<EntityId> = late.iter().map(|&(id, _)| id).collect();
     poses.extend(late);
@@ -175,20 +213,14 @@ pub fn applied(
         poses.remove(&held);
     }
 
-    let mut landmarks: Vec<(EntityId, Vector3<f64>)> = landmarks
-        .into_iter()
-        .filter(|(id, position)| {
+    // If a window moved a landmark out of sight, the sent position is better.
+    if kind == SolveKind::LocalBundle {
+        let pose = |k| poses.get(&k).copied().or(keyframes.get(&k).map(|k| k.world_from_camera));
+        landmarks.retain(|(id, position)| {
             let known = map_now.landmarks().get(id);
-            let Some(landmark) = known.filter(|known| known.added_revision <= start) else {
-                return false;
-            };
-            let pose =
-                |k| poses.get(&k).copied().or(keyframes.get(&k).map(|k| k.world_from_camera));
-            // If a window moved a landmark out of sight, the sent position is better.
-            kind != SolveKind::LocalBundle || is_well_placed(map_now, *id, landmark, position, pose)
-        })
-        .collect();
-    landmarks.sort_by_key(|&(id, _)| id);
+            known.is_some_and(|known| is_well_placed(map_now, *id, known, position, pose))
+        });
+    }
     let followers = followers(map_now, &poses, &landmarks);
     if landmarks.is_empty() {
         landmarks = followers;

@@ -43,7 +43,9 @@ mod ids;
 mod item;
 mod keyframe_pairs;
 pub mod loop_closing;
+mod meanwhile;
 mod merging;
+mod noticeable;
 mod numbers;
 mod observations;
 mod observers;
@@ -56,6 +58,7 @@ mod policy;
 pub mod problem;
 mod rejection;
 mod retirement;
+mod rim;
 mod scaling;
 pub mod shared_map;
 mod sound;
@@ -66,7 +69,7 @@ mod usage;
 mod window;
 
 pub use affected::{Affected, affected};
-pub use applied::{Solved, applied};
+pub use applied::{Reach, Solved, applied, applied_as_far};
 pub use covisibility::Covisibility;
 pub use digest::Content;
 pub use duplicates::{Comparison, DuplicatePair, Duplicates, find_duplicates};
@@ -94,7 +97,7 @@ pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearche
 pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
     ClosureEdge, Compared, GlobalOptions, GraphProblem, Held, JudgedPosition, MapProblem, Start,
-    global_problem, local_problem, measured_graph, observation_problem,
+    global_problem, local_problem, measured_graph, observation_problem, region_problem,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::{redundant_keyframes, retire, retire_redundant};

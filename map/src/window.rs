@@ -1,9 +1,9 @@
 //! Chooses the part of the map for a local bundle adjustment.
 //!
-//! Free are one keyframe, or several that wait or that an edit concerns, and those that share most landmarks
-//! with them, by count, then the more recent, then the lower id; and those that see nothing beside one of
-//! these. The window's landmarks are those that the
-//! free keyframes see; every other keyframe that sees one of them is held fixed and so ties the window
+//! Free are one keyframe, or several that an edit concerns, and those that share most landmarks with them, by
+//! count, then the more recent, then the lower id; and those that see nothing beside one of these. The
+//! window's landmarks are those that the free keyframes see; the other keyframes that see most of them
+//! (`rim`) are held fixed and so tie the window
 //! to the rest of the map. A keyframe that the map's gauge holds (`gauge`) is fixed too, wherever it is in
 //! the window. If nothing would be fixed, the keyframe that arrived first is; the scale of a monocular
 //! window is then still free, and the damping of the solver holds it.
@@ -20,6 +20,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
 
+use super::rim::rim;
 use super::{ClientIndex, EntityId, Landmark, Map, Prior};
 
 /// Cosine of the least angle, 1°, between the ray of the first observer and another one.
@@ -85,12 +86,7 @@ pub fn choose_window_while(
     seen.extend(groups);
     let landmarks: Vec<EntityId> =
         seen.into_iter().filter(|&id| is_usable(map, id) && may_move(map, id)).collect();
-    let mut fixed: BTreeSet<EntityId> = landmarks
-        .iter()
-        .filter_map(|id| map.landmarks().get(id))
-        .flat_map(|l| l.observers.iter().copied())
-        .filter(|id| !free.contains(id))
-        .collect();
+    let mut fixed = rim(map, &free, &landmarks);
     if map.policy().odometry {
         fixed.extend(map.beside(&free));
     }

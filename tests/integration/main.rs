@@ -57,6 +57,7 @@ mod map_fold;
 mod map_frames;
 mod map_gauge;
 mod map_hints;
+mod map_meanwhile;
 mod map_merging;
 mod map_numbers;
 mod map_odometry;

@@ -228,12 +228,14 @@ fn a_map_that_makes_room_holds_the_next_keyframe_where_it_is() {
     let pose = |map: &Map, id: EntityId| map.keyframes().get(&id).unwrap().world_from_camera;
     let between = |map: &Map| pose(map, id(1)).inverse().compose(&pose(map, id(3)));
 
-    take(&mut journal, Solved::Bundle(&window), SolveKind::LocalBundle);
-    assert_eq!(bits(&journal.map, id(1)), before, "in a window it alone keeps its pose");
-    take(&mut journal, Solved::Graph(&graph), SolveKind::PoseGraph);
-    assert_eq!(bits(&journal.map, id(1)), before, "a pose graph is moved onto it");
+    let mut by_window = journal.clone();
+    take(&mut by_window, Solved::Bundle(&window), SolveKind::LocalBundle);
+    assert_eq!(bits(&by_window.map, id(1)), before, "in a window it alone keeps its pose");
+    let mut by_graph = journal.clone();
+    take(&mut by_graph, Solved::Graph(&graph), SolveKind::PoseGraph);
+    assert_eq!(bits(&by_graph.map, id(1)), before, "a pose graph is moved onto it");
     let solved = graph.graph.poses[1].inverse().compose(&graph.graph.poses[3]);
-    assert!(between(&journal.map).minus(&solved).norm() < 1e-12, "and keeps its shape");
+    assert!(between(&by_graph.map).minus(&solved).norm() < 1e-12, "and keeps its shape");
     take(&mut journal, Solved::Bundle(&whole), SolveKind::Global);
     assert_eq!(bits(&journal.map, id(1)), before, "and so is the whole map");
     let solved = whole.problem.poses[1].inverse().compose(&whole.problem.poses[3]);

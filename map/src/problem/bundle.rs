@@ -274,6 +274,8 @@ impl<'a> Builder<'a> {
             carried: BTreeSet::new(),
             frame: frame.unwrap_or(otherwise),
             gauge: self.gauge,
+            start_poses: self.problem.poses.clone(),
+            start_landmarks: self.problem.landmarks.clone(),
             problem: self.problem,
             keyframes: self.keyframes,
             cameras: camera_of.into_keys().collect(),

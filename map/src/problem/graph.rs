@@ -80,8 +80,16 @@ pub fn measured_graph(
     let factors = factors(map, &graph, &closures);
     scale(&mut graph, &owners, &closures, &factors);
     let positions = priors::add(map, gauge, (pairs, &keyframes), &mut graph);
-    let (start_revision, gauge) = (map.revision(), Some(gauge));
-    GraphProblem { graph, keyframes, closures, positions, factors, start_revision, gauge }
+    GraphProblem {
+        start_poses: graph.poses.clone(),
+        graph,
+        keyframes,
+        closures,
+        positions,
+        factors,
+        start_revision: map.revision(),
+        gauge: Some(gauge),
+    }
 }
 
 /// The edges between pairs that no constraint replaces: the pose of the second keyframe in the frame of

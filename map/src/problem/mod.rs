@@ -5,10 +5,12 @@
 //! values. Nothing is solved here.
 
 mod bundle;
+mod contradiction;
 mod graph;
 mod plausible;
 mod priors;
 mod reconstructed;
+mod region;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,6 +19,7 @@ use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
 use covis_solvers::robust::VarianceFactors;
+use nalgebra::Vector3;
 
 use super::{ClientIndex, EntityId, Gauge, OdometryNoise, SwitchedOff};
 
@@ -24,6 +27,7 @@ pub use bundle::{global_problem, local_problem, observation_problem, retirement_
 pub use graph::measured_graph;
 pub use plausible::{Held, Start};
 pub use reconstructed::Compared;
+pub use region::region_problem;
 
 /// A bundle adjustment problem with the names of its variables.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +53,10 @@ pub struct MapProblem {
     pub held: Vec<(EntityId, Held)>,
     /// Landmarks that are one with another one of the problem, and that one's place.
     pub duplicates: Vec<(EntityId, usize)>,
+    /// The poses that the solve starts from.
+    pub start_poses: Vec<Se3>,
+    /// The positions that the solve starts from.
+    pub start_landmarks: Vec<Vector3<f64>>,
     /// The map's revision that it was built from.
     pub start_revision: i64,
     /// The gauge that was asked for; `None` where the map's policy decides.
@@ -100,6 +108,8 @@ pub struct GraphProblem {
     pub positions: Vec<JudgedPosition>,
     /// By what the information of each client's measurements and closures was divided.
     pub factors: BTreeMap<ClientIndex, VarianceFactors>,
+    /// The poses that the solve starts from.
+    pub start_poses: Vec<Se3>,
     /// The map's revision that it was built from.
     pub start_revision: i64,
     /// The gauge that was asked for; `None` where the map's policy decides.
