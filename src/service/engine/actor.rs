@@ -2,7 +2,7 @@
 //!
 //! The parts are [`Ingest`], [`Durability`], [`Solving`], [`Recognition`], [`Background`] and
 //! [`Watching`]; each owns its state, and none knows another. Each step handles one of these, in this
-//! order of priority: a request, the end of the running solve, the end of a search for places, the end
+//! order of priority: a request, the end of a solve, the end of a search for places, the end
 //! of a background task, progress of the journal, an item. After a request, the others have priority for one step, so that constant requests of readers cannot block writers. In lock-step
 //! the task accepts no item while a solve, a search or a background task runs or waits.
 //!
@@ -134,7 +134,7 @@ impl Actor {
                 // No handle is left.
                 None => self.end_with(EngineError::ShuttingDown),
             },
-            outcome = self.solving.work.ended() => self.solved(outcome).await,
+            outcome = self.solving.ended() => self.solved(outcome).await,
             found = self.recognition.work.ended() => self.recognition_ended(found).await,
             done = self.background.work.ended() => self.background_ended(done).await,
             () = self.durability.progress() => self.flushed(),
@@ -296,7 +296,7 @@ impl Actor {
     /// Accepts or refuses a request to optimize the map.
     pub(super) fn optimize(&mut self, job: Job) {
         match self.check_open() {
-            Ok(()) => self.solving.request(job, self.ingest.is_lock_step()),
+            Ok(()) => self.solving.request(job),
             Err(error) => job.answer(Err(error)),
         }
     }
@@ -388,7 +388,7 @@ impl Actor {
             EngineError::Store(error)
         })?;
         self.recognition.changed();
-        self.background.changed(&event.change);
+        self.background.changed(&self.map, &event.change);
         self.applying = Some(revision);
         if self.shared.config.injects(Fault::PanicInEngine) && event.cause.is_some() {
             std::panic::panic_any("staged by a test");

@@ -3,8 +3,8 @@
 //! Start-time fair queuing: each tenant has a virtual clock, and each of its solves advances the
 //! clock by its running time. The waiting tenant with the earliest clock is next. An idle tenant
 //! saves up no time: when it has work again, its clock starts at the clock of the last turn. The
-//! solves of a tenant run in the order of their arrival; a map has one at a time, and one in the background. Plain state
-//! without threads.
+//! solves of a tenant run in the order of their arrival; a map has a window, a solve of the
+//! whole, a search and a background task at a time. Plain state without threads.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;

@@ -153,6 +153,7 @@ impl Actor {
         let PendingSolve { sequence, request } = pending;
         let policy = self.map.policy();
         let (local_bundle, loop_closure) = (policy.local_bundle, policy.loop_closure);
+        let is_closure = request == SolveRequest::LoopClosure;
         let (graph, window, seen) = match request {
             SolveRequest::Views(id) => (None, local_bundle.then(|| Task::around(id)), Some(id)),
             SolveRequest::LoopClosure => (loop_closure.then_some(Task::Loop), None, None),
@@ -172,9 +173,8 @@ impl Actor {
         if graph.is_none() && window.is_none() {
             return self.nothing_to_solve(client, sequence);
         }
-        // Fixes may come several times a second: no window is given up for one.
-        if graph == Some(Task::Loop) {
-            self.solving.supersede_window();
+        if graph.is_some() && !is_closure {
+            self.solving.ask_for_motion();
         }
         for task in graph.into_iter().chain(window) {
             self.solving.schedule.push(client, sequence, task);

@@ -181,7 +181,7 @@ pub struct EngineMeters {
     /// From an item's arrival until the solve that it started was applied, ns.
     pub optimized_ns: Histogram,
     solves: [Arc<SolveMeters>; SOLVES.len()],
-    /// Solves of windows whose result was dropped for a loop closure or an optimization.
+    /// Solves whose result was dropped, those of windows for an adjustment after closures.
     pub superseded: Counter,
     implausible: [Counter; HELD.len()],
     /// How long the search for the place of a keyframe took, ns.

@@ -60,6 +60,7 @@ mod places;
 mod pool;
 mod rebuilding;
 mod recognition;
+mod results;
 mod schedule;
 mod sharing;
 mod solve;

@@ -391,8 +391,8 @@ impl<R: Send + 'static, I> Slot<R, I> {
     }
 
     /// What is known about the work that runs; `None` where none runs.
-    pub(super) fn running(&self) -> Option<&I> {
-        self.running.as_ref().map(|running| &running.info)
+    pub(super) fn running(&mut self) -> Option<&mut I> {
+        self.running.as_mut().map(|running| &mut running.info)
     }
 
     /// Whether nothing runs.

@@ -1,12 +1,13 @@
-//! Starting and ending solves. A map runs one at a time; one may cover several triggers of
-//! [`Schedule`].
+//! Starting and ending solves. A map runs one window and one solve of the whole at a time; one may cover
+//! several triggers of [`Schedule`].
 //!
 //! Priors wait for a pose graph as loop closures do, but let one window go first: a receiver's fixes
 //! may come faster than pose graphs are solved, and all that wait are covered by one solve.
 //!
-//! Order: loop closures first, then a requested optimization (in lock-step it waits for the
-//! windows), then windows. A loop closure or an optimization supersedes a window that is being solved:
-//! its result is dropped, and it is solved again from the newer state.
+//! Windows run beside a pose graph or a requested optimization, so that none waits for the whole map; in
+//! lock-step one solve runs at a time, and a requested optimization waits for the windows. What ends while
+//! a window runs is applied behind it, before the next one starts: no result is given up, and what windows
+//! moved meanwhile goes along with it (`map/src/meanwhile.rs`).
 //! A window is built on another thread while the engine waits, so that a local solve holds no
 //! snapshot and causes no copy of the map.
 
@@ -19,6 +20,7 @@ use covis_solvers::{bundle_adjustment, optimizer};
 use super::actor::Actor;
 use super::handle::Shared;
 use super::pool::{Ended, Slot, SolverPool};
+use super::results::switched_off;
 use super::schedule::Schedule;
 use super::solve::{HeldKeyframe, Job, Moved, Outcome, Solution, solve_whole};
 use super::window_solve::{WindowOptions, solve_window};
@@ -27,8 +29,7 @@ use super::{
     SolveStep,
 };
 use crate::map::{
-    AppliedSolve, Change, ClientIndex, EntityId, Held, Map, RequestId, SolveKind, SwitchedOff,
-    applied, choose_window_while, local_problem,
+    Change, EntityId, Held, Map, Reach, RequestId, SolveKind, choose_window_while, local_problem,
 };
 
 /// Windows of which one tells how uncertain odometry is: they overlap, and it takes as long as an iteration.
@@ -40,6 +41,8 @@ pub(super) struct Running {
     pub(super) kind: SolveKind,
     /// Whether it was requested.
     pub(super) is_job: bool,
+    /// Whether it moves the map also where loop closures do not contradict it.
+    moves: bool,
     /// The triggers that it covers.
     pub(super) triggers: Vec<u64>,
 }
@@ -49,26 +52,47 @@ pub(super) struct Solving {
     shared: Arc<Shared>,
     pool: Arc<SolverPool>,
     pub(super) schedule: Schedule,
-    pub(super) work: Slot<Outcome, Running>,
+    window: Slot<Outcome, Running>,
+    /// A pose graph or a requested optimization.
+    whole: Slot<Outcome, Running>,
+    /// The solve of the whole that has ended while a window runs.
+    ended: Option<(Running, Ended<Outcome>)>,
     /// The optimization that waits or runs.
     job: Option<Job>,
     last_id: i64,
     /// Whether a pose graph ran since the last window.
     prior_went: bool,
+    /// Whether more than loop closures asks for a pose graph: edits, or fixes.
+    graph_moves: bool,
 }
 
 impl Solving {
     /// `last_id` is the number of the map's last solve.
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>, last_id: i64) -> Self {
-        let work = Slot::new(pool, &shared.account);
-        let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
-        let (schedule, job, prior_went) = (Schedule::default(), None, false);
-        Self { shared, pool, schedule, work, job, last_id, prior_went }
+        let slot = || Slot::new(pool, &shared.account);
+        Self {
+            shared: Arc::clone(shared),
+            pool: Arc::clone(pool),
+            schedule: Schedule::default(),
+            window: slot(),
+            whole: slot(),
+            ended: None,
+            job: None,
+            last_id,
+            prior_went: false,
+            graph_moves: false,
+        }
     }
 
     /// Whether no solve runs or waits.
     pub(super) fn is_idle(&self) -> bool {
-        self.work.is_free() && self.schedule.is_empty() && self.job.is_none()
+        let is_free = self.window.is_free() && self.is_whole_free();
+        is_free && self.schedule.is_empty() && self.job.is_none()
+    }
+
+    /// Whether no pose graph and no requested optimization runs or is to be applied.
+    fn is_whole_free(&self) -> bool {
+        self.whole.is_free() && self.ended.is_none()
     }
 
     /// Whether a requested optimization waits or runs.
@@ -76,33 +100,55 @@ impl Solving {
         self.job.is_some()
     }
 
-    /// Whether a background task may start: what it does would be stale after a pose graph or a
-    /// requested optimization. In lock-step everything else comes first.
+    /// Whether an adjustment may start: one that began before a pose graph or a requested optimization ends
+    /// would correct once more what that corrects. In lock-step everything else comes first.
     pub(super) fn leaves_room(&self, is_lock_step: bool) -> bool {
-        let runs_window =
-            self.work.running().is_none_or(|running| running.kind == SolveKind::LocalBundle);
-        let waits = self.schedule.is_pose_graph_due(false) || self.job.is_some();
-        if is_lock_step { self.is_idle() } else { runs_window && !waits }
+        match is_lock_step {
+            true => self.is_idle(),
+            false => self.is_whole_free() && self.job.is_none(),
+        }
     }
 
-    /// Starts the next solve, if none runs and one is due. Returns triggers for which there turned
-    /// out to be nothing to solve; then another solve may be due.
+    /// Resolves with a solve whose result may be applied; never if none runs.
+    pub(super) async fn ended(&mut self) -> (Running, Ended<Outcome>) {
+        loop {
+            if self.window.is_free()
+                && let Some(ended) = self.ended.take()
+            {
+                return ended;
+            }
+            tokio::select! {
+                biased;
+                ended = self.window.ended() => return ended,
+                ended = self.whole.ended() => self.ended = Some(ended),
+            }
+        }
+    }
+
+    /// Starts the solves that are due and may run. Returns triggers for which there turned out to be nothing
+    /// to solve; then another solve may be due.
     pub(super) async fn start_next(
         &mut self,
         map: &Arc<Map>,
         is_lock_step: bool,
     ) -> Option<Vec<u64>> {
-        while self.work.is_free() {
-            if self.schedule.is_pose_graph_due(self.prior_went) {
+        loop {
+            let may_start = self.is_whole_free() && (!is_lock_step || self.window.is_free());
+            let is_job_due = self.job.is_some() && (!is_lock_step || self.schedule.is_empty());
+            if may_start && self.schedule.is_pose_graph_due(self.prior_went) {
                 self.prior_went = true;
                 let ceiling = self.shared.config.ceiling();
                 let optimizer = optimizer::Options { ceiling, ..optimizer::Options::default() };
                 let problem = OptimizeProblem::PoseGraph { certify: false };
                 let options = OptimizeOptions { optimizer, problem, ..Default::default() };
                 self.start_whole(map, options, false, Arc::default(), |_step| {});
-            } else if self.job.is_some() && (!is_lock_step || self.schedule.is_empty()) {
+            } else if may_start && is_job_due {
                 self.start_job(map);
             } else {
+                let waits = self.ended.is_some() || (is_lock_step && !self.is_whole_free());
+                if waits || !self.window.is_free() {
+                    return None;
+                }
                 let keyframes = self.schedule.next_window()?;
                 self.prior_went = false;
                 let nothing = self.start_window(map, keyframes).await;
@@ -111,7 +157,6 @@ impl Solving {
                 }
             }
         }
-        None
     }
 
     fn start_job(&mut self, map: &Arc<Map>) {
@@ -224,8 +269,14 @@ impl Solving {
         let span = tracing::debug_span!("solve", map = %shared.name, solve = id, ?kind);
         let queued = shared.meters.solve(kind);
         let panics = shared.config.injects(Fault::PanicInSolve);
-        let running = Running { id, kind, is_job, triggers };
-        self.work.start(running, estimate, cancel, move |cancel| {
+        let is_graph = kind == SolveKind::PoseGraph;
+        let moves = is_graph && std::mem::take(&mut self.graph_moves);
+        let running = Running { id, kind, is_job, moves, triggers };
+        let slot = match kind {
+            SolveKind::LocalBundle => &mut self.window,
+            SolveKind::PoseGraph | SolveKind::Global => &mut self.whole,
+        };
+        slot.start(running, estimate, cancel, move |cancel| {
             let _entered = span.entered();
             queued.solve(|| {
                 if panics {
@@ -236,23 +287,23 @@ impl Solving {
         });
     }
 
+    /// More than a loop closure asks for a pose graph.
+    pub(super) fn ask_for_motion(&mut self) {
+        self.graph_moves = true;
+    }
+
     /// Drops the result of a window that is being solved; the window is solved again later.
     pub(super) fn supersede_window(&mut self) {
-        if self.work.running().is_some_and(|running| running.kind == SolveKind::LocalBundle) {
-            self.work.cancel();
-        }
+        self.window.cancel();
     }
 
     /// Accepts a request to optimize the map, unless there is one already.
-    pub(super) fn request(&mut self, job: Job, is_lock_step: bool) {
+    pub(super) fn request(&mut self, job: Job) {
         if self.job.is_some() {
             let map = self.shared.name.clone();
             return job.answer(Err(EngineError::OptimizationRunning { map }));
         }
         self.job = Some(job);
-        if !is_lock_step {
-            self.supersede_window();
-        }
     }
 
     /// Whether the requested optimization may take effect: it was not canceled, and from here on
@@ -274,23 +325,27 @@ impl Solving {
         }
     }
 
-    /// Drops the results of the running solve and ends a requested optimization with `error`. The
-    /// items that the running solve covers wait for a later one.
+    /// Drops the results of the running solves and ends a requested optimization with `error`. The
+    /// items that they cover wait for later ones.
     pub(super) fn pause(&mut self, error: &EngineError) {
-        self.work.cancel();
+        self.window.cancel();
+        self.whole.cancel();
+        self.ended = None;
         self.answer_job(Err(error.clone()));
     }
 
     /// Cancels every running or waiting solve.
     pub(super) fn cancel(&mut self, error: &EngineError) {
-        self.work.forget();
+        self.window.forget();
+        self.whole.forget();
+        self.ended = None;
         self.answer_job(Err(error.clone()));
         self.schedule.clear();
     }
 }
 
 impl Actor {
-    /// Starts the next solve, if none runs and one is due.
+    /// Starts the solves that are due and may run.
     pub(super) async fn start_solves(&mut self) {
         if self.is_held() {
             return;
@@ -320,11 +375,14 @@ impl Actor {
         problem.held.iter().filter_map(named).collect()
     }
 
-    /// Handles the end of the running solve.
+    /// Handles the end of a solve.
     pub(super) async fn solved(&mut self, (running, ended): (Running, Ended<Outcome>)) {
         let outcome = match ended {
             Ended::Made(outcome) => outcome,
-            Ended::Dropped => return self.shared.meters.superseded.increment(),
+            Ended::Dropped => {
+                self.solving.graph_moves |= running.moves;
+                return self.shared.meters.superseded.increment();
+            }
             Ended::Panicked { panicked, is_stale } => {
                 let bug = self.lost(&panicked);
                 if is_stale {
@@ -358,6 +416,10 @@ impl Actor {
             // error.
             (Ok(Some(solution)), _) => self.apply(&running, solution).await,
         };
+        if running.kind == SolveKind::PoseGraph {
+            // Before the next pose graph: where closures keep coming, there is no other gap.
+            self.start_background().await;
+        }
         if running.is_job {
             self.solving.answer_job(answer);
         }
@@ -383,7 +445,14 @@ impl Actor {
         let costs = (certificate.solve.initial_cost, certificate.solve.final_cost);
         if costs.1.is_finite() {
             let covered = self.solving.schedule.preview(&running.triggers);
-            let applied = match self.result(moved, running.kind, covered, costs).await {
+            let reach = match running.kind {
+                SolveKind::PoseGraph if !running.is_job => {
+                    Reach::Noticeable { if_contradicted: !running.moves }
+                }
+                SolveKind::PoseGraph | SolveKind::LocalBundle | SolveKind::Global => Reach::All,
+            };
+            let result = self.result(moved, running.kind, covered, costs, reach).await;
+            let applied = match result {
                 Ok(mut solve) => {
                     solve.request = self.solving.request_of(running);
                     if self.shared.config.injects(Fault::ImpossibleResult) {
@@ -432,49 +501,4 @@ impl Actor {
             rebuilt,
         })
     }
-}
-
-impl Actor {
-    /// The result of a solve as it is to be journaled.
-    ///
-    /// # Errors
-    /// [`EngineError::Refused`]: it would move what the map's gauge holds. [`EngineError::Bug`]. The map
-    /// stays as it is.
-    pub(super) async fn result(
-        &self,
-        moved: Moved,
-        kind: SolveKind,
-        covered: Vec<(ClientIndex, i64)>,
-        costs: (f64, f64),
-    ) -> Result<AppliedSolve, EngineError> {
-        let panics = self.shared.config.injects(Fault::PanicInResult);
-        let solve = move |map: &Map| {
-            if panics {
-                std::panic::panic_any("staged by a test");
-            }
-            let solved = moved.solved();
-            let solve = applied(map, solved, kind, covered, costs);
-            let kept = map.keeps_gauge(solved.gauge(map), &solve);
-            (solve, kept)
-        };
-        let (solve, kept) = self.attempt(solve).await?;
-        match kept {
-            Ok(()) => Ok(solve),
-            Err(error) => {
-                let change = Change::SolveApplied { solve };
-                Err(self.refuse(&change, false, error.to_string()))
-            }
-        }
-    }
-}
-
-/// The constraints that are switched off, sorted by client name, then id.
-pub(super) fn switched_off(map: &Map) -> Vec<(String, i64, SwitchedOff)> {
-    let named = map.switched_off().iter().map(|(id, &off)| {
-        let client = map.client(id.client).map(|client| client.name.clone());
-        (client.unwrap_or_default(), id.id, off)
-    });
-    let mut named: Vec<_> = named.collect();
-    named.sort_unstable_by(|a, b| (&a.0, a.1).cmp(&(&b.0, b.1)));
-    named
 }

@@ -176,7 +176,7 @@ fn solves(text: &mut Text, engine: &EngineMeters) {
     for (kind, solve) in engine.solves() {
         family.row(&[("kind", kind)], solve.waiting.get());
     }
-    let help = "Local solves whose result was dropped for a loop closure or an optimization.";
+    let help = "Solves whose result was dropped: local ones for an adjustment after closures.";
     text.counter("covis_solves_superseded_total", help).row(&[], engine.superseded.get());
     let help = "Results of local solves that were not believed, by reason; the window was solved again with \
                 what went astray held.";

@@ -10,7 +10,7 @@ use futures_util::FutureExt;
 use tokio::sync::mpsc;
 
 use super::{Client, Fixture, noisy_keyframe, open, optimized};
-use crate::common::Occupied;
+use crate::common::{Occupied, hold, large};
 use crate::map_support::{
     camera_item, corner, id, observe, pose_at, relative_pose, street_keyframe,
 };
@@ -40,7 +40,7 @@ async fn windows_that_wait_are_joined() {
 }
 
 #[tokio::test]
-async fn a_loop_closure_supersedes_the_running_window() {
+async fn a_window_that_runs_when_a_loop_closure_comes_keeps_its_result() {
     let fixture = Fixture::plain().await;
     // What follows a closure in the background may end before the solves are counted.
     let policy = MapPolicy { closure_adjustment: false, ..MapPolicy::default() };
@@ -52,12 +52,65 @@ async fn a_loop_closure_supersedes_the_running_window() {
     client.received(sequence).await;
     drop(blocker);
     let acks = client.finish().await;
-    // Solve 1 is dropped, solve 2 the graph; its ack waits for the window, solved again as 3.
-    assert_eq!(optimized(&acks).last(), Some(&(6, 3)));
-    assert!(optimized(&acks).iter().all(|&(_, solve)| solve != 1 && solve != 2));
-    let solves = fixture.solves().await;
-    assert_eq!(solves, [SolveKind::PoseGraph, SolveKind::LocalBundle]);
+    // Solve 1 is the window, 2 the graph behind it on the same thread, 3 the window of the keyframes that
+    // came meanwhile.
+    assert_eq!(optimized(&acks).first(), Some(&(3, 1)));
+    assert_eq!(optimized(&acks).last().map(|&(sequence, _)| sequence), Some(6));
+    let mut solves = fixture.solves().await;
+    assert_eq!(solves.remove(0), SolveKind::LocalBundle);
+    assert!(solves.contains(&SolveKind::PoseGraph) && solves.contains(&SolveKind::LocalBundle));
     assert_eq!(fixture.replayed().await.state_hash(), map.snapshot().await.unwrap().state_hash());
+}
+
+/// The street's keyframes `ids` and a closure between the first and the last. `large` holds what follows.
+async fn street_with_closure(client: &mut Client, keyframes: i64) {
+    client.send_street(0..keyframes).await;
+    while optimized(&client.seen).last().is_none_or(|&(mark, _)| mark <= keyframes) {
+        client.ack().await;
+    }
+}
+
+/// So many keyframes that a solve of the whole is a large one.
+const MANY: i64 = 48;
+
+#[tokio::test]
+async fn windows_are_solved_while_a_pose_graph_and_an_adjustment_are_held() {
+    let fixture = Fixture::plain().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    street_with_closure(&mut client, MANY).await;
+    let mut other = Client::open_as(&map, "other").await;
+    other.send_street(0..1).await;
+    let pool = fixture.maps.pool();
+    let release = hold(pool, large()).await;
+    let sequence = client.send(closure(1, 0, MANY - 1)).await;
+    client.received(sequence).await;
+    let before = fixture.solves().await.len();
+    // The pose graph waits behind what holds the threads of large solves.
+    for k in 1..4 {
+        let sequence = other.send(noisy_keyframe(k)).await;
+        while optimized(&other.seen).last().is_none_or(|&(mark, _)| mark < sequence) {
+            other.ack().await;
+        }
+    }
+    assert_eq!(fixture.solves().await[before..], [SolveKind::LocalBundle; 3]);
+    let first = map.snapshot().await.unwrap().keyframes().get(&id(0)).unwrap().world_from_camera;
+    drop(release);
+    while optimized(&client.seen).last().is_none_or(|&(mark, _)| mark < sequence) {
+        client.ack().await;
+    }
+    // Of what follows, the comparison, the adjustment begins at once or is due.
+    let mut settled = map.snapshot().await.unwrap();
+    while settled.is_adjustment_due() {
+        tokio::task::yield_now().await;
+        settled = map.snapshot().await.unwrap();
+    }
+    assert_eq!(settled.keyframes().get(&id(0)).unwrap().world_from_camera, first);
+    assert!(fixture.solves().await.contains(&SolveKind::Global));
+    client.finish().await;
+    other.finish().await;
+    let map = map.snapshot().await.unwrap();
+    assert_eq!(fixture.replayed().await.state_hash(), map.state_hash());
 }
 
 #[tokio::test]
