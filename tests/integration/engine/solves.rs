@@ -21,7 +21,7 @@ fn closure(item_id: i64, i: i64, j: i64) -> Item {
 }
 
 #[tokio::test]
-async fn windows_that_wait_are_joined() {
+async fn keyframes_that_wait_get_the_windows_that_one_by_one_would_have() {
     let fixture = Fixture::plain().await;
     let map = fixture.map(MapPolicy::default()).await;
     let mut client = Client::open(&map).await;
@@ -35,8 +35,9 @@ async fn windows_that_wait_are_joined() {
     // The first keyframe alone is nothing to solve; the second one's window waits for the pool.
     assert_eq!(optimized(&acks), [(2, 0)]);
     drop(blocker);
-    assert_eq!(optimized(&client.finish().await), [(3, 1), (6, 2)]);
-    assert_eq!(fixture.solves().await, [SolveKind::LocalBundle; 2]);
+    let each = (3..=6).zip(1..);
+    assert_eq!(optimized(&client.finish().await), each.collect::<Vec<_>>());
+    assert_eq!(fixture.solves().await, [SolveKind::LocalBundle; 4]);
 }
 
 #[tokio::test]
