@@ -115,6 +115,7 @@ pub(super) fn run(
     let results = errors.map(|((&squared_error, &behind_camera), observation)| {
         let quantile = if observation.depth_m.is_some() { DEPTH_QUANTILE } else { PIXEL_QUANTILE };
         let inlier = squared_error <= quantile && !behind_camera;
+        let squared_error = squared_error.min(f64::MAX);
         v1::ObservationResult { squared_error, inlier, behind_camera }
     });
     // Absent when not positive definite, as the wire says.

@@ -74,6 +74,19 @@ fn refine_pose_finds_the_pose_and_the_outlier() {
 }
 
 #[test]
+fn errors_of_a_pose_out_of_range_are_numbers() {
+    run(async {
+        let mut request = refine_request();
+        let pose = request.world_from_camera.as_mut().unwrap();
+        pose.translation = Some(vector3([0.0, 1.797e308, 1.797e308]));
+        let server = TestServer::start().await;
+        let answer = server.optimization().refine_pose(request).await.unwrap().into_inner();
+        let errors = answer.observations.iter().map(|o| o.squared_error);
+        assert!(errors.clone().all(f64::is_finite), "{:?}", errors.collect::<Vec<_>>());
+    });
+}
+
+#[test]
 fn problems_that_wait_for_their_solve_have_a_ceiling_in_bytes() {
     run(async {
         let bytes = 12 * refine_request().encoded_len() as u64;

@@ -6556,7 +6556,7 @@ impl ::prost::Name for RefinePoseResponse {
 /// How an observation fits the result.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct ObservationResult {
-    /// s = r' Omega r at the end, no unit.
+    /// s = r' Omega r at the end, no unit. The largest number where it is above that.
     #[prost(double, tag = "1")]
     pub squared_error: f64,
     /// Whether s is at most the 95 % quantile of the chi-square distribution with the residual's
