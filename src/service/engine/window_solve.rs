@@ -59,12 +59,9 @@ pub(super) fn solve_window(
     }
 }
 
-/// When a keyframe starts so far off that a loss which lets go would let go of the truth: this share of its
-/// observations is beyond so many widths of the loss.
-const FAR: (f64, f64) = (0.5, 1.0);
-/// The same where odometry says where the keyframe is. Most of what a camera sees may move with it, as a car
-/// ahead does, but hardly everything; and the loss still pulls at a few widths.
-const FAR_BY_ODOMETRY: (f64, f64) = (0.9, 5.0);
+/// Share of a keyframe's observations beyond the width of the loss from which on it starts so far off that a
+/// loss which lets go may let go of the truth.
+const FAR: f64 = 0.5;
 
 /// Bundle adjustment by a loss that may let go of what does not fit. From a far start that would be nearly
 /// everything; there the convex loss of the same width comes first. Where odometry says that the start is not
@@ -127,24 +124,21 @@ enum Start {
 /// What places the keyframe that starts far off, one that nothing places before others; `None` where none does.
 fn farthest(problem: &MapProblem, width: f64) -> Option<Start> {
     let bundle = &problem.problem;
-    let start = |pose| match problem.is_held_by_odometry(pose) {
-        true => (Start::ByOdometry, FAR_BY_ODOMETRY),
-        false => (Start::Open, FAR),
-    };
-    let starts: Vec<(Start, (f64, f64))> = (0..bundle.poses.len()).map(start).collect();
     let mut seen = vec![(0_usize, 0_usize); bundle.poses.len()];
     for observation in bundle.observations() {
         let pose = observation.pose as usize;
         let camera = &bundle.cameras[observation.camera as usize];
         let point = &bundle.landmarks[observation.landmark as usize];
         let residual = observation.seen.residual(&bundle.poses[pose], camera, point);
-        let (_, (_, widths)) = starts[pose];
-        seen[pose].0 += usize::from(residual.is_none_or(|r| r.norm() > widths * width));
+        seen[pose].0 += usize::from(residual.is_none_or(|r| r.norm() > width));
         seen[pose].1 += 1;
     }
-    let far = seen.iter().zip(&starts).zip(&bundle.constant_poses);
-    let far = far.filter(|&((&(beyond, all), &(_, (share, _))), &constant)| {
-        !constant && beyond as f64 > share * all as f64
-    });
-    far.map(|((_, &(start, _)), _)| start).max()
+    let start = |(pose, (beyond, all)): (usize, (usize, usize))| {
+        let is_far = !bundle.constant_poses[pose] && beyond as f64 > FAR * all as f64;
+        is_far.then(|| match problem.is_held_by_odometry(pose) {
+            true => Start::ByOdometry,
+            false => Start::Open,
+        })
+    };
+    seen.into_iter().enumerate().filter_map(start).max()
 }
