@@ -28,7 +28,7 @@ use super::numbers::is_finite;
 use super::window::is_well_placed;
 use super::{
     AppliedSolve, ClientIndex, ClosureEdge, ConstraintKind, EntityId, Gauge, GraphProblem,
-    Keyframe, Landmark, Map, MapProblem, OdometryNoise, SolveKind, SwitchedOff,
+    Keyframe, Landmark, Map, MapProblem, Noise, SolveKind, SwitchedOff,
 };
 
 /// A problem whose values a solver has moved.
@@ -146,14 +146,13 @@ fn closure_variances(map: &Map, solved: Solved<'_>) -> Vec<(ClientIndex, f64)> {
     found.filter(|&(client, variance)| known(client) != Some(variance)).collect()
 }
 
-/// What a window found of the odometry of clients, where that differs from the map's.
-fn odometry_noise(map: &Map, solved: Solved<'_>) -> Vec<(ClientIndex, OdometryNoise)> {
+/// What a window found of the noise of clients.
+fn noise(map: &Map, solved: Solved<'_>) -> Vec<(ClientIndex, Noise)> {
     let Solved::Bundle(problem) = solved else { return Vec::new() };
-    let found = problem.noise.iter().map(|(&client, &noise)| (client, noise));
-    let differs = |&(client, noise): &(ClientIndex, OdometryNoise)| {
-        map.client(client).is_some_and(|known| known.odometry_noise != noise)
-    };
-    found.filter(differs).collect()
+    let found = problem.noise.iter().filter(|&(client, noise)| {
+        problem.start_noise.get(client) != Some(noise) && map.client(*client).is_some()
+    });
+    found.map(|(&client, &noise)| (client, noise)).collect()
 }
 
 /// The change that a solved problem makes to the map as it is now.
@@ -244,7 +243,7 @@ pub fn applied_as_far(
         switched_off,
         switched_on,
         closure_variances: closure_variances(map_now, solved),
-        odometry_noise: odometry_noise(map_now, solved),
+        noise: noise(map_now, solved),
         left_frames,
         covered,
         initial_cost: costs.0,

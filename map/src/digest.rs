@@ -5,8 +5,8 @@
 
 use super::hash::Hash;
 use super::{
-    Change, Client, Digest, EntityId, Keyframe, Landmark, Map, NewLandmark, OdometryNoise,
-    SwitchedOff,
+    Change, Client, Digest, EntityId, Keyframe, Landmark, Map, NewLandmark, Noise, OdometryNoise,
+    SwitchedOff, ViewNoise,
 };
 
 /// The kinds of entity whose content as sent is remembered. Their order is in snapshots and hashes.
@@ -101,13 +101,17 @@ impl Map {
             hash.u64(index);
             hash.f64(client.closure_variance);
         }
-        let other = |client: &Client| client.odometry_noise != OdometryNoise::default();
+        let other = |client: &Client| client.noise != Noise::default();
         let learned = (0_u64..).zip(self.clients()).filter(|(_, c)| other(c));
         for (index, client) in learned {
             hash.tag(10);
             hash.u64(index);
-            let OdometryNoise { translation_share, rotation_rad, pairs } = client.odometry_noise;
-            [translation_share, rotation_rad, pairs].into_iter().for_each(|x| hash.f64(x));
+            let Noise { odometry, views } = client.noise;
+            let OdometryNoise { translation_share, rotation_rad, pairs } = odometry;
+            let ViewNoise { pixel_factor, depth_factor, windows } = views;
+            let odometry = [translation_share, rotation_rad, pairs];
+            let views = [pixel_factor, depth_factor, windows];
+            odometry.into_iter().chain(views).for_each(|x| hash.f64(x));
         }
         let moved = (0_u64..).zip(self.clients()).filter(|(_, c)| !c.earlier_frames.is_empty());
         for (index, client) in moved {

@@ -10,7 +10,7 @@ use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 
-use super::{EntityId, Observations, Observers, OdometryNoise, PendingSolve, SharedMap, numbers};
+use super::{EntityId, Noise, Observations, Observers, PendingSolve, SharedMap, numbers};
 
 /// A SHA-256 digest.
 pub type Digest = [u8; 32];
@@ -31,8 +31,8 @@ pub struct Client {
     /// By what the covariances that it states for its loop closures are multiplied, at least 1: found
     /// by the last pose graph that judged them.
     pub closure_variance: f64,
-    /// How uncertain its odometry is, as the last windows found.
-    pub odometry_noise: OdometryNoise,
+    /// How uncertain what it sends is, as the last windows found.
+    pub noise: Noise,
     /// Earlier values of [`Keyframe::map_from_odom`] of its newest keyframe from before large corrections,
     /// the last four: start estimates may still be of them.
     pub earlier_frames: Vec<Se3>,
@@ -59,7 +59,7 @@ impl Client {
             optimized_sequence: 0,
             pending_solve: None,
             closure_variance: 1.0,
-            odometry_noise: OdometryNoise::default(),
+            noise: Noise::default(),
             earlier_frames: Vec::new(),
             scale: 1.0,
             has_left: false,

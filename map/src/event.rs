@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use super::{
     CameraEntity, ClientIndex, Comparison, Constraint, Descriptor, Digest, EntityId, MapPolicy,
-    Merge, Observation, OdometryNoise, PlaceSearch, Prior, SwitchedOff,
+    Merge, Noise, Observation, PlaceSearch, Prior, SwitchedOff,
 };
 
 /// One step of a map.
@@ -84,8 +84,8 @@ pub struct AppliedSolve {
     pub switched_on: Vec<EntityId>,
     /// New values of [`Client::closure_variance`](super::Client::closure_variance).
     pub closure_variances: Vec<(ClientIndex, f64)>,
-    /// New values of [`Client::odometry_noise`](super::Client::odometry_noise).
-    pub odometry_noise: Vec<(ClientIndex, OdometryNoise)>,
+    /// New values of [`Client::noise`](super::Client::noise).
+    pub noise: Vec<(ClientIndex, Noise)>,
     /// The clients that it moves far, and their frames before: see
     /// [`Client::earlier_frames`](super::Client::earlier_frames).
     pub left_frames: Vec<(ClientIndex, Se3)>,

@@ -45,6 +45,7 @@ mod keyframe_pairs;
 pub mod loop_closing;
 mod meanwhile;
 mod merging;
+mod noise;
 mod noticeable;
 mod numbers;
 mod observations;
@@ -66,6 +67,7 @@ mod surroundings;
 mod ties;
 mod triangulation;
 mod usage;
+mod view_noise;
 mod window;
 
 pub use affected::{Affected, affected};
@@ -87,6 +89,7 @@ pub use ids::{ClientIndex, EntityId};
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, MeasuredPosition, PartialItem};
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
 pub use merging::{Link, Merge, MergeError, MergedClient, MergedMap};
+pub use noise::Noise;
 pub use numbers::is_valid_camera;
 pub use observations::Observations;
 pub use observers::Observers;
@@ -106,6 +109,7 @@ pub use surroundings::{Surroundings, likeness};
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
 pub use usage::{Counted, Counts, Exceeded, INDEXED_KEYFRAME, MapLimits, Usage};
+pub use view_noise::ViewNoise;
 pub use window::{Window, choose_window, choose_window_while};
 
 /// Whether the map already has the content of an item of a stream.

@@ -4,7 +4,7 @@
 //! jump. Two keyframes that follow each other in capture time are therefore tied by
 //! Z = odom_i⁻¹ · odom_j, unless the client sent an ODOMETRY constraint of the pair, which takes its place.
 //! Along each axis the deviation of the translation is a share of the way between them, that of the rotation
-//! is constant.
+//! grows with a large turn.
 //!
 //! Both are found from the map's own residuals, as variance components by expectation and maximization
 //! (Dempster, Laird and Rubin 1977): a window that has residuals r̂ with covariance C expects
@@ -17,18 +17,24 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::bundle_adjustment::{PairEstimate, pair_covariances};
 use covis_solvers::factors::RelativePose;
-use covis_solvers::geometry::Se3;
+use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use nalgebra::{SMatrix, Vector6};
 
 use super::keyframe_pairs::odometry;
 use super::numbers::is_positive;
-use super::{ClientIndex, ConstraintKind, EntityId, Map, MapProblem};
+use super::{ClientIndex, ConstraintKind, EntityId, Keyframe, Map, MapProblem};
 
 /// A way below which the deviation falls no more, in the client's unit: a robot that stands is not known
 /// to the atom.
 const LEAST_WAY: f64 = 1e-3;
+/// Share of the distance of what a keyframe sees below which its way makes no difference.
+const DISTANCE_SHARE: f64 = 0.02;
+/// The turn from which on the noise of a rotation grows with it, rad: 5°.
+const TURN: f64 = 0.087;
+/// Most landmarks that are asked for their distance.
+const MOST_ASKED: usize = 16;
 /// Past this many deviations odometry loses its hold: it jumped, or a wheel slipped.
 pub(super) const LOSS: Loss = Loss::GemanMcClure(10.0);
 /// Weight below which odometry has lost its hold.
@@ -73,23 +79,24 @@ impl OdometryNoise {
         self.pairs > PRIOR_PAIRS
     }
 
-    /// The information of the relative pose of two keyframes.
-    fn information(&self, relative: &Se3) -> Option<Information<6>> {
-        let along = self.translation_share * way(relative);
-        let about = self.rotation_rad;
+    /// The information of the relative pose of two keyframes, the second of which sees things `distance` away.
+    fn information(&self, relative: &Se3, distance: f64) -> Option<Information<6>> {
+        let along = self.translation_share * way(relative, distance);
+        let about = self.rotation_rad * turn(relative);
         let deviations = Vector6::new(along, along, along, about, about, about);
         let diagonal = SMatrix::<f64, 6, 6>::from_diagonal(&deviations.map(|s| 1.0 / (s * s)));
         Information::new(&diagonal).ok()
     }
 
-    /// The noise after it was seen in these pairs.
-    fn after(&self, pairs: &[(Se3, PairEstimate)]) -> Self {
+    /// The noise after it was seen in these pairs, whose information is of the noise `start`.
+    fn after(&self, pairs: &[(Information<6>, PairEstimate)], start: &Self) -> Self {
         let (mut share, mut angle) = (0.0, 0.0);
-        for (relative, PairEstimate { residual, covariance, .. }) in pairs {
+        for (information, PairEstimate { residual, covariance, .. }) in pairs {
             let expected = residual * residual.transpose() + covariance;
-            let along = expected.fixed_view::<3, 3>(0, 0).trace();
-            share += along / (3.0 * way(relative) * way(relative));
-            angle += expected.fixed_view::<3, 3>(3, 3).trace() / 3.0;
+            let variance = |at: usize| expected.fixed_view::<3, 3>(at, at).trace() / 3.0;
+            let deviations = |at: usize| information.matrix()[(at, at)] * variance(at);
+            share += start.translation_share * start.translation_share * deviations(0);
+            angle += start.rotation_rad * start.rotation_rad * deviations(3);
         }
         let seen = pairs.len() as f64;
         let before = self.pairs.min(MOST_PAIRS - seen).max(0.0);
@@ -103,9 +110,15 @@ impl OdometryNoise {
     }
 }
 
-/// The length of a way, and a little where there is none.
-fn way(relative: &Se3) -> f64 {
-    relative.translation.norm().hypot(LEAST_WAY)
+/// The way that the noise of a translation is a share of. A camera that hardly moves is still only known as well
+/// as its views say, which see things at `distance`.
+fn way(relative: &Se3, distance: f64) -> f64 {
+    relative.translation.norm().hypot(LEAST_WAY).hypot(DISTANCE_SHARE * distance)
+}
+
+/// How much more uncertain a rotation is for its size.
+fn turn(relative: &Se3) -> f64 {
+    1.0_f64.hypot(relative.rotation.log().norm() / TURN)
 }
 
 /// Whether odometry holds a pair of keyframes whose residual has this squared norm.
@@ -136,9 +149,25 @@ impl Map {
         }
         let now = self.keyframes().get(&keyframe)?;
         let before_from_keyframe = odometry(previous, now);
-        let information =
-            self.client(keyframe.client)?.odometry_noise.information(&before_from_keyframe)?;
+        let noise = self.client(keyframe.client)?.noise.odometry;
+        let information = noise.information(&before_from_keyframe, self.distance(now))?;
         Some(Tie { before, before_from_keyframe, information })
+    }
+
+    /// The median distance of what a keyframe sees, 0 where it sees nothing.
+    fn distance(&self, keyframe: &Keyframe) -> f64 {
+        let step = keyframe.observations.len().div_ceil(MOST_ASKED).max(1);
+        let asked = keyframe.observations.iter().step_by(step);
+        let position = |landmark| self.landmarks().get(&landmark)?.position;
+        let distances = asked.filter_map(|seen| {
+            Some((position(seen.landmark)? - keyframe.world_from_camera.translation).norm())
+        });
+        let mut distances: Vec<f64> = distances.filter(|distance| distance.is_finite()).collect();
+        let middle = distances.len() / 2;
+        match middle < distances.len() {
+            true => *distances.select_nth_unstable_by(middle, f64::total_cmp).1,
+            false => 0.0,
+        }
     }
 
     fn has_own_odometry(&self, a: EntityId, b: EntityId) -> bool {
@@ -159,7 +188,7 @@ impl Map {
 
 impl MapProblem {
     /// Finds the noise of odometry anew, from the residuals of the solved problem.
-    pub fn learn_noise(&mut self) {
+    pub fn learn_odometry_noise(&mut self) {
         let bundle = &self.problem;
         let is_free = |pose: usize| bundle.constant_poses.get(pose) == Some(&false);
         let ties = self.odometry.iter().filter_map(|&index| {
@@ -168,19 +197,20 @@ impl MapProblem {
         });
         let (indices, factors): (Vec<usize>, Vec<&RelativePose<Se3, 6>>) = ties.unzip();
         let Some(estimates) = pair_covariances(bundle, &indices) else { return };
-        let mut pairs: BTreeMap<ClientIndex, Vec<(Se3, PairEstimate)>> = BTreeMap::new();
+        let mut pairs: BTreeMap<ClientIndex, Vec<(Information<6>, PairEstimate)>> = BTreeMap::new();
         for (factor, estimate) in factors.into_iter().zip(estimates) {
             // What lost its hold is a jump and no noise.
             if holds(factor.information.squared_norm(&estimate.residual)) {
                 let client = self.keyframes[factor.j].client;
-                pairs.entry(client).or_default().push((factor.i_from_j, estimate));
+                pairs.entry(client).or_default().push((factor.information, estimate));
             }
         }
         for (client, pairs) in pairs {
-            let noise = self.noise.entry(client).or_default();
-            let after = noise.after(&pairs);
+            let start = self.start_noise.get(&client);
+            let (Some(noise), Some(start)) = (self.noise.get_mut(&client), start) else { continue };
+            let after = noise.odometry.after(&pairs, &start.odometry);
             if after.is_possible() {
-                *noise = after;
+                noise.odometry = after;
             }
         }
     }

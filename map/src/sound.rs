@@ -97,7 +97,7 @@ impl Map {
                 optimized_sequence,
                 pending_solve,
                 closure_variance,
-                odometry_noise,
+                noise,
                 earlier_frames,
                 scale,
                 has_left,
@@ -121,8 +121,8 @@ impl Map {
             check_map(frames && earlier_frames.iter().all(is_pose), text)?;
             let text = "a client's variance factor is not possible";
             check_map(is_positive(*closure_variance), text)?;
-            let text = "the noise of a client's odometry is not possible";
-            check_map(odometry_noise.is_possible(), text)?;
+            let text = "the noise of a client is not possible";
+            check_map(noise.is_possible(), text)?;
             check_map(SCALES.contains(scale), "a client's scale is not possible")?;
             let is_gone = !has_left || (*next_sequence == 1 && pending_solve.is_none());
             check_map(is_gone, "a client that left has items")?;

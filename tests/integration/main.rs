@@ -69,6 +69,7 @@ mod map_recall;
 mod map_retirement;
 mod map_scaling;
 mod map_support;
+mod map_view_noise;
 mod merge_support;
 mod metrics;
 mod page;

@@ -46,7 +46,7 @@ fn window_moves_5(journal: &mut Journal) -> Se3 {
 fn what_a_window_moved_during_a_pose_graph_goes_along_and_the_rest_is_as_it_was_found() {
     let mut journal = street(8, MapPolicy::default());
     let mut problem = graph_problem(&journal.map, Gauge::default(), |_, _| None);
-    let found = |k: i64| motion(0.1 * k as f64).compose(&pose_at(f64::from(k)));
+    let found = |k: i64| motion(0.1 * k as f64).compose(&pose_at(k as f64));
     for k in 1..8 {
         problem.graph.poses[k as usize] = found(k);
     }
@@ -69,7 +69,7 @@ fn what_a_window_moved_during_a_pose_graph_goes_along_and_the_rest_is_as_it_was_
 fn what_a_window_moved_during_an_adjustment_goes_along_with_its_landmarks() {
     let mut journal = street(8, MapPolicy::default());
     let mut problem = global_problem(&journal.map, &GlobalOptions::default());
-    let found = |k: i64| motion(0.001 * k as f64).compose(&pose_at(f64::from(k)));
+    let found = |k: i64| motion(0.001 * k as f64).compose(&pose_at(k as f64));
     for k in 1..8 {
         problem.problem.poses[k as usize] = found(k);
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use covis::map::{
-    Change, ConstraintKind, GlobalOptions, Held, Item, MapPolicy, MapProblem, OdometryNoise,
+    Change, ConstraintKind, GlobalOptions, Held, Item, MapPolicy, MapProblem, Noise, OdometryNoise,
     SolveKind, Solved, Start, applied, choose_window, choose_window_while, global_problem,
     local_problem,
 };
@@ -50,17 +50,17 @@ fn noise_follows_what_exact_views_say_of_odometry() {
     let mut problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(6)]));
     let before = OdometryNoise::default();
     for _ in 0..40 {
-        problem.learn_noise();
+        problem.learn_odometry_noise();
     }
-    let after = problem.noise[&ROBOT];
+    let after = problem.noise[&ROBOT].odometry;
     assert!(after.translation_share > 2.0 * before.translation_share, "{after:?}");
     assert!((0.02..0.06).contains(&after.translation_share), "5 % along one of three axes");
     assert!(after.rotation_rad < 1.1 * before.rotation_rad, "rotation is exact: {after:?}");
     let solved = Solved::Bundle(&problem);
     let solve = applied(&journal.map, solved, SolveKind::LocalBundle, Vec::new(), (1.0, 0.5));
-    assert_eq!(solve.odometry_noise, [(ROBOT, after)]);
+    assert_eq!(solve.noise, [(ROBOT, problem.noise[&ROBOT])]);
     journal.push(Change::SolveApplied { solve });
-    assert_eq!(journal.map.client(ROBOT).unwrap().odometry_noise, after);
+    assert_eq!(journal.map.client(ROBOT).unwrap().noise.odometry, after);
 }
 
 /// A street whose first four keyframes were moved by `correction`; their landmarks too.
@@ -152,7 +152,8 @@ fn the_whole_map_is_tied_by_odometry_but_for_where_it_began_anew() {
     let whole = |journal: &Journal| global_problem(&journal.map, &GlobalOptions::default());
     assert!(whole(&journal).odometry.is_empty(), "its noise is not known");
     let mut solve = solve_of(SolveKind::LocalBundle);
-    solve.odometry_noise = vec![(ROBOT, OdometryNoise { pairs: 28.0, ..Default::default() })];
+    let odometry = OdometryNoise { pairs: 28.0, ..Default::default() };
+    solve.noise = vec![(ROBOT, Noise { odometry, ..Default::default() })];
     journal.push(Change::SolveApplied { solve });
     let problem = whole(&journal);
     let pair = |&index: &usize| {

@@ -212,7 +212,7 @@ pub(crate) fn solve_of(kind: SolveKind) -> AppliedSolve {
         switched_off: Vec::new(),
         switched_on: Vec::new(),
         closure_variances: Vec::new(),
-        odometry_noise: Vec::new(),
+        noise: Vec::new(),
         left_frames: Vec::new(),
         covered: Vec::new(),
         initial_cost: 1.0,

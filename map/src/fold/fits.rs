@@ -351,13 +351,13 @@ impl Fit<'_> {
         for &(client, variance) in &solve.closure_variances {
             self.finite(is_positive(variance), EntityKind::Client, EntityId::new(client, 0))?;
         }
-        for (client, noise) in &solve.odometry_noise {
+        for (client, noise) in &solve.noise {
             self.finite(noise.is_possible(), EntityKind::Client, EntityId::new(*client, 0))?;
         }
         for (client, frame) in &solve.left_frames {
             self.finite(is_pose(frame), EntityKind::Client, EntityId::new(*client, 0))?;
         }
-        let noises = solve.odometry_noise.iter().map(|&(client, _)| client);
+        let noises = solve.noise.iter().map(|&(client, _)| client);
         let varied = solve.closure_variances.iter().map(|&(client, _)| client).chain(noises);
         for client in solve.covered.iter().map(|&(client, _)| client).chain(varied) {
             if client != ClientIndex::SERVER && self.map.client(client).is_none() {

@@ -302,9 +302,9 @@ impl Map {
                 client.closure_variance = variance;
             }
         }
-        for &(client, noise) in &solve.odometry_noise {
+        for &(client, noise) in &solve.noise {
             if let Some(client) = self.parts.clients.get_mut(client.0 as usize) {
-                client.odometry_noise = noise;
+                client.noise = noise;
             }
         }
         for &(client, frame) in &solve.left_frames {

@@ -18,8 +18,11 @@ use covis_solvers::robust::default_threshold;
 use super::{GlobalOptions, Held, MapProblem};
 use crate::gauge::held_poses;
 use crate::odometry;
+use crate::view_noise::widened;
 use crate::window::is_usable;
-use crate::{ConstraintKind, Depth, EntityId, Gauge, Keyframe, Map, Prior, Window};
+use crate::{
+    ClientIndex, ConstraintKind, Depth, EntityId, Gauge, Keyframe, Map, Noise, Prior, Window,
+};
 
 /// With fewer observations and no other measurement a pose is held constant: three points fix six
 /// unknowns.
@@ -41,7 +44,7 @@ pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
     let poses = poses.chain(window.fixed.iter().map(|&id| (id, true)));
     let mut builder = Builder::new(map, map.policy().observation_loss);
     builder.strained_priors_wait = map.policy().loop_closure;
-    builder.ties_odometry = true;
+    (builder.ties_odometry, builder.believes_residuals) = (true, true);
     poses.for_each(|(id, constant)| builder.keyframe(id, constant));
     window.landmarks.iter().for_each(|&id| builder.landmark(id));
     builder.window_frame = window_frame(map, window);
@@ -126,6 +129,8 @@ struct Builder<'a> {
     /// Whether odometry ties poses, and the relative poses that do.
     ties_odometry: bool,
     odometry: Vec<usize>,
+    /// Whether deviations count as found instead of as stated.
+    believes_residuals: bool,
     /// Whether priors are left out that the estimates do not fit.
     strained_priors_wait: bool,
     /// Whether what depends on estimates counts: which landmarks have one, which observations they do not
@@ -156,6 +161,7 @@ impl<'a> Builder<'a> {
             duplicates: Vec::new(),
             ties_odometry: false,
             odometry: Vec::new(),
+            believes_residuals: false,
             strained_priors_wait: false,
             looks_at_estimates: true,
             gauge: None,
@@ -265,11 +271,16 @@ impl<'a> Builder<'a> {
         // A keyframe alone fixes no frame but its own.
         let holds = self.held.iter().any(|&pose| measured[pose] >= MIN_OBSERVATIONS);
         let frame = self.window_frame.or(self.gauge.filter(|_| holds));
-        let clients = self.odometry.iter().map(|&at| self.problem.relative_poses[at].j);
-        let clients = clients.map(|pose| self.keyframes[pose].client);
-        let noise = clients.filter_map(|c| Some((c, map.client(c)?.odometry_noise))).collect();
+        let clients: BTreeSet<ClientIndex> = self.keyframes.iter().map(|id| id.client).collect();
+        let noise: BTreeMap<ClientIndex, Noise> =
+            clients.into_iter().filter_map(|c| Some((c, map.client(c)?.noise))).collect();
+        if self.believes_residuals {
+            let views = noise.values().map(|noise| noise.views);
+            self.problem.observation_loss = widened(self.problem.observation_loss, views);
+        }
         MapProblem {
             odometry: self.odometry,
+            start_noise: noise.clone(),
             noise,
             carried: BTreeSet::new(),
             frame: frame.unwrap_or(otherwise),
@@ -291,6 +302,9 @@ impl<'a> Builder<'a> {
     fn observations(&mut self, keyframe: &Keyframe, pose: usize, camera: usize) -> usize {
         let (Ok(pose), Ok(camera)) = (u32::try_from(pose), u32::try_from(camera)) else { return 0 };
         let model = self.problem.cameras[camera as usize];
+        let client = self.keyframes.get(pose as usize).and_then(|id| self.map.client(id.client));
+        let noise = client.filter(|_| self.believes_residuals).map(|client| client.noise.views);
+        let (pixels, depths) = noise.unwrap_or_default().counted();
         let mut count = 0;
         for observation in keyframe.observations.iter() {
             let Some(&landmark) = self.landmark_of.get(&observation.landmark) else { continue };
@@ -299,8 +313,9 @@ impl<'a> Builder<'a> {
             if self.looks_at_estimates && model.project(&point_in_camera).is_none() {
                 continue;
             }
-            let (pixel, sigma_px) = (observation.pixel, observation.sigma_px);
-            let depth_m = observation.depth.map(|Depth { depth_m, sigma_m }| (depth_m, sigma_m));
+            let (pixel, sigma_px) = (observation.pixel, pixels * observation.sigma_px);
+            let depth_m =
+                observation.depth.map(|Depth { depth_m, sigma_m }| (depth_m, depths * sigma_m));
             let seen = Reprojection { pixel, sigma_px, depth_m };
             self.problem.push_observation(pose, camera, landmark, seen);
             count += 1;
@@ -318,7 +333,7 @@ impl<'a> Builder<'a> {
         let tie = |(j, &keyframe): (usize, &EntityId)| {
             let tie = self.map.odometry_tie(keyframe)?;
             let is_window = self.gauge.is_none();
-            let known = self.map.client(keyframe.client).map(|client| client.odometry_noise);
+            let known = self.map.client(keyframe.client).map(|client| client.noise.odometry);
             known.filter(|noise| is_window || noise.is_found())?;
             let &i = self.pose_of.get(&tie.before)?;
             let (i_from_j, information) = (tie.before_from_keyframe, tie.information);

@@ -21,7 +21,7 @@ use covis_solvers::problem::{BundleProblem, PoseGraph};
 use covis_solvers::robust::VarianceFactors;
 use nalgebra::Vector3;
 
-use super::{ClientIndex, EntityId, Gauge, OdometryNoise, SwitchedOff};
+use super::{ClientIndex, EntityId, Gauge, Noise, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem, observation_problem, retirement_problem};
 pub use graph::measured_graph;
@@ -44,8 +44,11 @@ pub struct MapProblem {
     pub landmarks: Vec<EntityId>,
     /// The relative poses that odometry measured, by their place in the problem.
     pub odometry: Vec<usize>,
-    /// How uncertain the odometry of their clients counts as; [`MapProblem::learn_noise`] changes it.
-    pub noise: BTreeMap<ClientIndex, OdometryNoise>,
+    /// How uncertain what its clients send counts as; [`MapProblem::learn_odometry_noise`] and
+    /// [`MapProblem::learn_view_noise`] change it.
+    pub noise: BTreeMap<ClientIndex, Noise>,
+    /// The noise that the solve starts from.
+    pub start_noise: BTreeMap<ClientIndex, Noise>,
     /// Keyframes that wait for a solve of their own and are not in the problem: they go with the keyframe
     /// before them.
     pub carried: BTreeSet<EntityId>,

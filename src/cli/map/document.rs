@@ -47,6 +47,29 @@ struct ClientDocument {
     client: String,
     epoch: i64,
     next_sequence: i64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    noise: Option<NoiseDocument>,
+}
+
+/// How uncertain what a client sends is.
+#[derive(Debug, Serialize)]
+struct NoiseDocument {
+    odometry_translation_share: f64,
+    odometry_rotation_rad: f64,
+    pixel_factor: f64,
+    depth_factor: f64,
+}
+
+impl NoiseDocument {
+    fn text(&self) -> String {
+        let share = 100.0 * self.odometry_translation_share;
+        let degrees = self.odometry_rotation_rad.to_degrees();
+        let (pixels, depths) = (self.pixel_factor, self.depth_factor);
+        format!(
+            "odometry {share:.2} % of the way and {degrees:.3}° a keyframe; \
+             pixels {pixels:.2}, depths {depths:.2} of the stated sigmas"
+        )
+    }
 }
 
 /// What the server still does to the map by itself.
@@ -132,6 +155,12 @@ impl From<v1::Map> for Document {
                     client: c.client_id,
                     epoch: c.epoch,
                     next_sequence: c.next_sequence,
+                    noise: c.noise.map(|noise| NoiseDocument {
+                        odometry_translation_share: noise.odometry_translation_share,
+                        odometry_rotation_rad: noise.odometry_rotation_rad,
+                        pixel_factor: noise.pixel_factor,
+                        depth_factor: noise.depth_factor,
+                    }),
                 })
                 .collect(),
             merged_maps: map.merged_maps.into_iter().map(|merged| merged.map_id).collect(),
@@ -199,6 +228,7 @@ pub(super) fn details(map: &Document) -> String {
     for c in &map.clients {
         let text = format!("{}, epoch {}, goes on at {}", c.client, c.epoch, c.next_sequence);
         rows.push(("client", text));
+        rows.extend(c.noise.as_ref().map(|noise| ("noise", noise.text())));
     }
     rows.extend(map.pending.as_ref().and_then(PendingDocument::text).map(|text| ("pending", text)));
     for hint in &map.hints {

@@ -8,7 +8,9 @@ use super::geometry::{geodetic, to_geodetic, to_rigid_transform, to_vector3};
 use super::solve::{gauge, loss, robustness, to_gauge, to_loss, to_robustness};
 use super::time::timestamp;
 use super::{Path, Violations, count, small};
-use crate::map::{Counts, Hint, HintKind, Map, MapLimits, MapPolicy, MergedMap, Reason, WhenFull};
+use crate::map::{
+    Counts, Hint, HintKind, Map, MapLimits, MapPolicy, MergedMap, Noise, Reason, WhenFull,
+};
 use crate::service::access::shown;
 use crate::service::engine::{EngineError, MapInfo, MapState, PendingWork, limit_name};
 use crate::service::error::ServiceError;
@@ -314,6 +316,17 @@ fn to_client(map: &Map, index: crate::map::ClientIndex) -> v1::MapClient {
         next_sequence: client.map_or(1, |c| c.next_sequence),
         map_from_odom: to_client_frame(map, index).and_then(|frame| frame.map_from_odom),
         scale: map.scale_of(index),
+        noise: client.map(|c| to_noise(&c.noise)),
+    }
+}
+
+fn to_noise(noise: &Noise) -> v1::ClientNoise {
+    let Noise { odometry, views } = *noise;
+    v1::ClientNoise {
+        odometry_translation_share: odometry.translation_share,
+        odometry_rotation_rad: odometry.rotation_rad,
+        pixel_factor: views.pixel_factor,
+        depth_factor: views.depth_factor,
     }
 }
 

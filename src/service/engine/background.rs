@@ -276,7 +276,7 @@ fn nothing_moved() -> AppliedSolve {
         switched_off: Vec::new(),
         switched_on: Vec::new(),
         closure_variances: Vec::new(),
-        odometry_noise: Vec::new(),
+        noise: Vec::new(),
         left_frames: Vec::new(),
         covered: Vec::new(),
         initial_cost: 0.0,

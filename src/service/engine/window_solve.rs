@@ -43,8 +43,9 @@ pub(super) fn solve_window(
         let Moved::Bundle(solved) = &mut solution.moved else { return Ok(Some(solution)) };
         let astray = solved.implausible(&start);
         let Some(&(_, why)) = astray.first() else {
+            solved.learn_view_noise();
             if learns {
-                solved.learn_noise();
+                solved.learn_odometry_noise();
             }
             return Ok(Some(solution));
         };

@@ -311,7 +311,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         switched_off,
         switched_on,
         closure_variances,
-        odometry_noise,
+        noise,
         left_frames,
         covered,
         initial_cost,
@@ -343,7 +343,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         switched_off: switched_off.iter().map(|(id, off)| encode_switched_off(*id, off)).collect(),
         switched_on: encode_ids(switched_on),
         closure_variances: closure_variances.iter().map(variance).collect(),
-        odometry_noise: odometry_noise.iter().map(|(c, noise)| encode_noise(*c, noise)).collect(),
+        noise: noise.iter().map(|(c, noise)| encode_noise(*c, noise)).collect(),
         left_frames: left_frames.iter().map(left_frame).collect(),
         request: request.map(Vec::from).unwrap_or_default(),
     }
@@ -378,7 +378,7 @@ fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
             .into_iter()
             .map(|of| (ClientIndex(of.client), f64::from_bits(of.variance)))
             .collect(),
-        odometry_noise: solve.odometry_noise.iter().map(decode_noise).collect(),
+        noise: solve.noise.iter().map(decode_noise).collect(),
         left_frames: solve.left_frames.into_iter().map(left_frame).collect::<Decoded<_>>()?,
         covered: solve.covered.into_iter().map(covered).collect(),
         initial_cost: f64::from_bits(solve.initial_cost),

@@ -5,7 +5,9 @@ use super::entities::{
     decode_ids, decode_pose, decode_scale, encode_id, encode_ids, encode_pose, encode_scale,
 };
 use super::{EncodingError, v1};
-use crate::map::{Affected, Client, ClientIndex, OdometryNoise, PendingSolve, SolveRequest};
+use crate::map::{
+    Affected, Client, ClientIndex, Noise, OdometryNoise, PendingSolve, SolveRequest, ViewNoise,
+};
 
 pub(super) fn encode_client(client: &Client) -> v1::Client {
     let Client {
@@ -15,7 +17,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         optimized_sequence,
         pending_solve,
         closure_variance,
-        odometry_noise,
+        noise,
         earlier_frames,
         scale,
         has_left,
@@ -32,29 +34,46 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         earlier_frames: earlier_frames.iter().map(encode_pose).collect(),
         scale: encode_scale(*scale),
         has_left: *has_left,
-        odometry_noise: (*odometry_noise != OdometryNoise::default())
-            .then(|| encode_noise(ClientIndex(0), odometry_noise)),
+        noise: (*noise != Noise::default()).then(|| encode_noise(ClientIndex(0), noise)),
     }
 }
 
-pub(super) fn encode_noise(client: ClientIndex, noise: &OdometryNoise) -> v1::OdometryNoise {
-    let OdometryNoise { translation_share, rotation_rad, pairs } = *noise;
-    v1::OdometryNoise {
+pub(super) fn encode_noise(client: ClientIndex, noise: &Noise) -> v1::Noise {
+    let Noise { odometry, views } = *noise;
+    let OdometryNoise { translation_share, rotation_rad, pairs } = odometry;
+    let ViewNoise { pixel_factor, depth_factor, windows } = views;
+    v1::Noise {
         client: client.0,
         translation_share: translation_share.to_bits(),
         rotation_rad: rotation_rad.to_bits(),
         pairs: pairs.to_bits(),
+        pixel_factor: pixel_factor.to_bits(),
+        depth_factor: depth_factor.to_bits(),
+        windows: windows.to_bits(),
     }
 }
 
-pub(super) fn decode_noise(noise: &v1::OdometryNoise) -> (ClientIndex, OdometryNoise) {
-    let &v1::OdometryNoise { client, translation_share, rotation_rad, pairs } = noise;
-    let noise = OdometryNoise {
+pub(super) fn decode_noise(noise: &v1::Noise) -> (ClientIndex, Noise) {
+    let &v1::Noise {
+        client,
+        translation_share,
+        rotation_rad,
+        pairs,
+        pixel_factor,
+        depth_factor,
+        windows,
+    } = noise;
+    let odometry = OdometryNoise {
         translation_share: f64::from_bits(translation_share),
         rotation_rad: f64::from_bits(rotation_rad),
         pairs: f64::from_bits(pairs),
     };
-    (ClientIndex(client), noise)
+    let views = ViewNoise {
+        pixel_factor: f64::from_bits(pixel_factor),
+        depth_factor: f64::from_bits(depth_factor),
+        windows: f64::from_bits(windows),
+    };
+    (ClientIndex(client), Noise { odometry, views })
 }
 
 pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError> {
@@ -68,7 +87,7 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
         earlier_frames,
         scale,
         has_left,
-        odometry_noise,
+        noise,
     } = client;
     let frame = |pose| decode_pose(Some(pose), "an earlier frame");
     Ok(Client {
@@ -79,10 +98,7 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
         pending_solve: unsolved.map(decode_unsolved).transpose()?,
         // An earlier version had none.
         closure_variance: closure_variance.map_or(1.0, f64::from_bits),
-        odometry_noise: odometry_noise
-            .as_ref()
-            .map(|noise| decode_noise(noise).1)
-            .unwrap_or_default(),
+        noise: noise.as_ref().map(|noise| decode_noise(noise).1).unwrap_or_default(),
         earlier_frames: earlier_frames.into_iter().map(frame).collect::<Result<_, _>>()?,
         scale: decode_scale(scale),
         has_left,

@@ -1552,6 +1552,9 @@ pub struct MapClient {
     /// Length in the map of a unit of length of the client. See ClientFrame.
     #[prost(double, tag = "5")]
     pub scale: f64,
+    /// How uncertain what it sends is, as the map's own residuals say. Absent in answers of earlier servers.
+    #[prost(message, optional, tag = "6")]
+    pub noise: ::core::option::Option<ClientNoise>,
 }
 impl ::prost::Name for MapClient {
     const NAME: &'static str = "MapClient";
@@ -1561,6 +1564,34 @@ impl ::prost::Name for MapClient {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.MapClient".into()
+    }
+}
+/// How uncertain what a client sends is. Found by the windows of its keyframes, and used by the next ones.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct ClientNoise {
+    /// Standard deviation of the translation between consecutive keyframes that its odometry measured, along
+    /// each axis, as a share of the way, greater than 0.
+    #[prost(double, tag = "1")]
+    pub odometry_translation_share: f64,
+    /// Standard deviation of the rotation between them about each axis, rad, greater than 0.
+    #[prost(double, tag = "2")]
+    pub odometry_rotation_rad: f64,
+    /// Standard deviation of its pixels, as a multiple of the stated one, greater than 0: 1 until windows have
+    /// said so. From 1 on windows take it instead of the stated one.
+    #[prost(double, tag = "3")]
+    pub pixel_factor: f64,
+    /// The same of its depths.
+    #[prost(double, tag = "4")]
+    pub depth_factor: f64,
+}
+impl ::prost::Name for ClientNoise {
+    const NAME: &'static str = "ClientNoise";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ClientNoise".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ClientNoise".into()
     }
 }
 /// How the server keeps and optimizes a map. An absent field takes the server's default.

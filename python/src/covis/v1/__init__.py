@@ -95,6 +95,7 @@ from .map_pb2 import MergedMap as MergedMap
 from .map_pb2 import MapState as MapState
 from .map_pb2 import MapCounts as MapCounts
 from .map_pb2 import MapClient as MapClient
+from .map_pb2 import ClientNoise as ClientNoise
 from .map_pb2 import MapPolicy as MapPolicy
 from .map_pb2 import PlaceRecognition as PlaceRecognition
 from .map_pb2 import WhenFull as WhenFull

@@ -170,18 +170,32 @@ class MapCounts(_message.Message):
     def __init__(self, camera_count: _Optional[int] = ..., rig_count: _Optional[int] = ..., keyframe_count: _Optional[int] = ..., landmark_count: _Optional[int] = ..., positioned_landmark_count: _Optional[int] = ..., observation_count: _Optional[int] = ..., constraint_count: _Optional[int] = ..., size_bytes: _Optional[int] = ..., switched_off_constraint_count: _Optional[int] = ...) -> None: ...
 
 class MapClient(_message.Message):
-    __slots__ = ("client_id", "epoch", "next_sequence", "map_from_odom", "scale")
+    __slots__ = ("client_id", "epoch", "next_sequence", "map_from_odom", "scale", "noise")
     CLIENT_ID_FIELD_NUMBER: _ClassVar[int]
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     NEXT_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     MAP_FROM_ODOM_FIELD_NUMBER: _ClassVar[int]
     SCALE_FIELD_NUMBER: _ClassVar[int]
+    NOISE_FIELD_NUMBER: _ClassVar[int]
     client_id: str
     epoch: int
     next_sequence: int
     map_from_odom: _geometry_pb2.RigidTransform
     scale: float
-    def __init__(self, client_id: _Optional[str] = ..., epoch: _Optional[int] = ..., next_sequence: _Optional[int] = ..., map_from_odom: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., scale: _Optional[float] = ...) -> None: ...
+    noise: ClientNoise
+    def __init__(self, client_id: _Optional[str] = ..., epoch: _Optional[int] = ..., next_sequence: _Optional[int] = ..., map_from_odom: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., scale: _Optional[float] = ..., noise: _Optional[_Union[ClientNoise, _Mapping]] = ...) -> None: ...
+
+class ClientNoise(_message.Message):
+    __slots__ = ("odometry_translation_share", "odometry_rotation_rad", "pixel_factor", "depth_factor")
+    ODOMETRY_TRANSLATION_SHARE_FIELD_NUMBER: _ClassVar[int]
+    ODOMETRY_ROTATION_RAD_FIELD_NUMBER: _ClassVar[int]
+    PIXEL_FACTOR_FIELD_NUMBER: _ClassVar[int]
+    DEPTH_FACTOR_FIELD_NUMBER: _ClassVar[int]
+    odometry_translation_share: float
+    odometry_rotation_rad: float
+    pixel_factor: float
+    depth_factor: float
+    def __init__(self, odometry_translation_share: _Optional[float] = ..., odometry_rotation_rad: _Optional[float] = ..., pixel_factor: _Optional[float] = ..., depth_factor: _Optional[float] = ...) -> None: ...
 
 class MapPolicy(_message.Message):
     __slots__ = ("observation_loss", "constraint_loss", "window_keyframe_count", "min_shared_landmark_count", "gauge", "local_bundle_adjustment", "loop_closure_optimization", "max_iteration_count", "limits", "loop_closure_robustness", "when_full", "geodetic_anchor", "closure_adjustment", "odometry", "place_recognition")

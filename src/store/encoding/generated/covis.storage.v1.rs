@@ -663,7 +663,7 @@ pub struct SolveApplied {
     #[prost(bytes = "vec", tag = "12")]
     pub request: ::prost::alloc::vec::Vec<u8>,
     #[prost(message, repeated, tag = "13")]
-    pub odometry_noise: ::prost::alloc::vec::Vec<OdometryNoise>,
+    pub noise: ::prost::alloc::vec::Vec<Noise>,
 }
 impl ::prost::Name for SolveApplied {
     const NAME: &'static str = "SolveApplied";
@@ -676,7 +676,7 @@ impl ::prost::Name for SolveApplied {
     }
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
-pub struct OdometryNoise {
+pub struct Noise {
     #[prost(uint32, tag = "1")]
     pub client: u32,
     #[prost(fixed64, tag = "2")]
@@ -685,15 +685,21 @@ pub struct OdometryNoise {
     pub rotation_rad: u64,
     #[prost(fixed64, tag = "4")]
     pub pairs: u64,
+    #[prost(fixed64, tag = "5")]
+    pub pixel_factor: u64,
+    #[prost(fixed64, tag = "6")]
+    pub depth_factor: u64,
+    #[prost(fixed64, tag = "7")]
+    pub windows: u64,
 }
-impl ::prost::Name for OdometryNoise {
-    const NAME: &'static str = "OdometryNoise";
+impl ::prost::Name for Noise {
+    const NAME: &'static str = "Noise";
     const PACKAGE: &'static str = "covis.storage.v1";
     fn full_name() -> ::prost::alloc::string::String {
-        "covis.storage.v1.OdometryNoise".into()
+        "covis.storage.v1.Noise".into()
     }
     fn type_url() -> ::prost::alloc::string::String {
-        "/covis.storage.v1.OdometryNoise".into()
+        "/covis.storage.v1.Noise".into()
     }
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
@@ -1328,7 +1334,7 @@ pub struct Client {
     #[prost(bool, tag = "9")]
     pub has_left: bool,
     #[prost(message, optional, tag = "10")]
-    pub odometry_noise: ::core::option::Option<OdometryNoise>,
+    pub noise: ::core::option::Option<Noise>,
 }
 impl ::prost::Name for Client {
     const NAME: &'static str = "Client";

@@ -14,8 +14,8 @@ use nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use crate::map::{
     AppliedSolve, CameraEntity, Cause, Change, ClientIndex, ClosureRobustness, Comparison,
     Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event, Gauge, Link,
-    Map, MapLimits, MapPolicy, NewLandmark, Observation, OdometryNoise, PlaceCandidate,
-    PlaceRefusal, PlaceSearch, Prior, Retired, SolveKind, SwitchedOff, WhenFull,
+    Map, MapLimits, MapPolicy, NewLandmark, Noise, Observation, OdometryNoise, PlaceCandidate,
+    PlaceRefusal, PlaceSearch, Prior, Retired, SolveKind, SwitchedOff, ViewNoise, WhenFull,
 };
 
 pub(super) fn id(id: i64) -> EntityId {
@@ -179,9 +179,16 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             switched_on: vec![id(2)],
             left_frames: vec![(ClientIndex(0), pose(0.125))],
             closure_variances: vec![(ClientIndex(0), 270.5)],
-            odometry_noise: vec![(
+            noise: vec![(
                 ClientIndex(0),
-                OdometryNoise { translation_share: 0.25, rotation_rad: 0.125, pairs: 33.0 },
+                Noise {
+                    odometry: OdometryNoise {
+                        translation_share: 0.25,
+                        rotation_rad: 0.125,
+                        pairs: 33.0,
+                    },
+                    views: ViewNoise { pixel_factor: 0.5, depth_factor: 2.0, windows: 9.0 },
+                },
             )],
             covered: vec![(ClientIndex(0), 3)],
             initial_cost: 1e9,

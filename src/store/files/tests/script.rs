@@ -51,7 +51,7 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
                 switched_off: Vec::new(),
                 switched_on: Vec::new(),
                 closure_variances: Vec::new(),
-                odometry_noise: Vec::new(),
+                noise: Vec::new(),
                 left_frames: Vec::new(),
                 covered: vec![(ClientIndex(0), sequence - 1)],
                 initial_cost: 2.0,
