@@ -76,6 +76,20 @@ test("deltas overwrite, remove and reset, and parts are applied together", () =>
   assert.deepEqual([map.revision, map.uid, map.keyframes.size, map.landmarks.size], [9, "v", 0, 0]);
 });
 
+test("the largest correction of a client's newest keyframe is kept until it is asked for", () => {
+  const map = model();
+  const send = (fields) => map.apply(encode({ baseRevision: BigInt(map.revision), lastPart: true, mapUid: "u", ...fields }));
+  const clientFrames = [{ clientId: "robot-1", keyframe: { clientId: "robot-1", id: 1n } }];
+  const start = [pose(0, 0), pose(1, 10)];
+  send({ revision: 1n, reset: true, keyframes: start.map((at, k) => keyframePose(k, at)), clientFrames });
+  assert.equal(map.takeShift(), 0, "nothing was there before");
+  const moved = (at, x) => [at[0] + x, ...at.slice(1)];
+  send({ revision: 2n, keyframes: [keyframePose(1, moved(start[1], 0.25)), keyframePose(0, moved(start[0], 9))] });
+  send({ revision: 3n, keyframes: [keyframePose(1, moved(start[1], 0.375))] });
+  assert.equal(map.takeShift(), 0.25);
+  assert.equal(map.takeShift(), 0);
+});
+
 test("what is cut off is an error and not a map", () => {
   const bytes = encode({ revision: 1n, reset: true, lastPart: true, landmarks: [landmarkMessage(1, [1, 2, 3], 2)] });
   for (let length = 1; length < bytes.length; length++) {

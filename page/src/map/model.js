@@ -38,6 +38,7 @@ export class MapModel {
     this.deltas = 0;
     /** Number of the last delta that moved a keyframe which was there before. */
     this.correction = -1;
+    this.shift = 0;
     this.landmarks.clear();
     this.keyframes.clear();
     this.cameras = new Map();
@@ -237,15 +238,35 @@ export class MapModel {
     if (!key || poseAt < 0) return;
     const { keyframes, changed } = this;
     const slot = keyframes.put(key.client, key.id);
-    if (keyframes.isNew) changed.order = true;
-    else this.correction = this.deltas;
+    const [x, y, z] = keyframes.pose.subarray(slot * 7, slot * 7 + 3);
     reader.at = poseAt;
     readPose(reader, keyframes.pose, slot * 7);
     reader.at = end;
+    if (keyframes.isNew) changed.order = true;
+    else {
+      this.correction = this.deltas;
+      if (this.#isNewest(key)) {
+        const [nowX, nowY, nowZ] = keyframes.pose.subarray(slot * 7, slot * 7 + 3);
+        this.shift = Math.max(this.shift, Math.hypot(nowX - x, nowY - y, nowZ - z));
+      }
+    }
     if (keyframes.time[slot] !== time) changed.order = true;
     keyframes.time[slot] = time;
     keyframes.delta[slot] = this.deltas;
     changed.keyframes = true;
+  }
+
+  /** Whether it is the keyframe that its client's frame was computed from. */
+  #isNewest({ client, id }) {
+    const newest = this.frames.get(client)?.keyframe;
+    return newest?.clientId === client && String(newest.id) === String(id);
+  }
+
+  /** By how far a correction moved the newest keyframe of a client at most since the last call, m. */
+  takeShift() {
+    const { shift } = this;
+    this.shift = 0;
+    return shift;
   }
 
   /** The keyframes' slots by client, then capture time. */

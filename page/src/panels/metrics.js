@@ -23,6 +23,11 @@ const CHARTS = [
   { title: "Keyframes", unit: whole, lines: { all: ({ model }) => model.keyframes.size } },
   { title: "Landmarks", unit: whole, lines: { all: ({ model }) => model.landmarks.size } },
   {
+    title: "Corrections of the newest keyframe, m",
+    unit: (meters) => (meters > 0 ? meters.toPrecision(3) : "0"),
+    lines: { largest: ({ model }) => model.takeShift() },
+  },
+  {
     title: "Items a second",
     unit: number,
     metrics: {
