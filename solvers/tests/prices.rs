@@ -90,5 +90,5 @@ fn views_that_only_hold_a_landmark_make_no_pairs() {
     // Intrinsics that are free tie all of them again.
     problem.constant_cameras.fill(false);
     let tied = bundle_adjustment::price_bound(&problem);
-    assert!(tied.flops_per_iteration > 0.5 * all_free.flops_per_iteration);
+    assert!(tied.flops_per_iteration > 20.0 * two_free.flops_per_iteration);
 }
