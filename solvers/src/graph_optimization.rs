@@ -18,8 +18,16 @@ use crate::price::Limits;
 use crate::problem::{PoseGraph, SolveError};
 pub use crate::robust::Judging;
 use crate::robust::{
-    self, ClosureVerdict, PositionJudging, PositionVerdict, RobustSummary, judge_positions,
+    self, ClosureVerdict, PositionJudging, PositionVerdict, RobustSummary, default_threshold,
+    judge_positions, strain,
 };
+
+/// Position priors that do not fit, of how many, from which on the graph may be at fault: 2, and a tenth.
+const LEAST_MISFITS: usize = 2;
+const MISFIT_SHARE: usize = 10;
+/// Factor of variance between two softnesses that are tried, and the largest one.
+const SOFTER: f64 = 4.0;
+const MAX_SOFTNESS: f64 = 1024.0;
 
 /// Which stages a graph goes through.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,6 +90,9 @@ pub struct Optimized {
     pub judged: Option<RobustSummary>,
     /// The verdict on each position prior where they are judged, with χ² at the result.
     pub positions: Vec<PositionVerdict>,
+    /// By what the variance of all edges but the loop closures was multiplied, because true position priors
+    /// contradicted them; 1 where nothing did. Costs count it.
+    pub softness: f64,
     /// `None` without [`Options::certify`], and where there was no time for a proof.
     pub proof: Option<Proof>,
 }
@@ -142,6 +153,26 @@ pub fn optimize<G: GraphPose<D, N>, const D: usize, const N: usize>(
     G::optimize(graph, has_poses, options, interrupt, observer)
 }
 
+/// What placing a graph by its priors found.
+struct Placed {
+    verdicts: Vec<PositionVerdict>,
+    /// The edges that are no loop closures.
+    trusted: Vec<usize>,
+    softness: f64,
+}
+
+/// Multiplies the information of these edges.
+fn scale<G, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    edges: impl Iterator<Item = usize>,
+    factor: f64,
+) {
+    for edge in edges {
+        let edge = &mut graph.edges[edge];
+        edge.information = edge.information.scaled(factor);
+    }
+}
+
 struct Run<'a> {
     begin: Instant,
     options: &'a Options,
@@ -167,7 +198,9 @@ impl Run<'_> {
             let optimized = self.stages(graph, has_poses, observer)?;
             return Ok(self.since(graph, came_with, optimized));
         }
-        let mut verdicts = self.place(graph, has_poses)?;
+        let Placed { mut verdicts, trusted, softness } = self.place(graph, has_poses)?;
+        let stated: Vec<_> = graph.edges.iter().map(|edge| edge.information).collect();
+        scale(graph, trusted.into_iter(), 1.0 / softness);
         let all = graph.position_priors.clone();
         let mut judged = verdicts.iter();
         graph
@@ -176,10 +209,13 @@ impl Run<'_> {
         let optimized = self.stages(graph, true, observer);
         let optimized = optimized.map(|optimized| self.since(graph, came_with, optimized));
         graph.position_priors = all;
+        for (edge, stated) in graph.edges.iter_mut().zip(stated) {
+            edge.information = stated;
+        }
         for (prior, verdict) in graph.position_priors.iter().zip(&mut verdicts) {
             verdict.chi2 = prior.chi2(&graph.poses[prior.pose]);
         }
-        Ok(Optimized { positions: verdicts, ..optimized? })
+        Ok(Optimized { positions: verdicts, softness, ..optimized? })
     }
 
     /// With the costs of the poses that the graph came with, in place of those of a start that was made.
@@ -218,7 +254,7 @@ impl Run<'_> {
         &self,
         graph: &mut PoseGraph<G, N>,
         has_poses: bool,
-    ) -> Result<Vec<PositionVerdict>, SolveError> {
+    ) -> Result<Placed, SolveError> {
         let trusted = self.options.judging.as_ref().map(|judging| &judging.trusted);
         let is_closure = |edge: &usize| {
             let RelativePose { i, j, .. } = graph.edges[*edge];
@@ -246,9 +282,54 @@ impl Run<'_> {
         let mut copy = robust::weighted(graph, &closures);
         initialize_in_time(&mut copy, start, has_poses, self.limits())?;
         align_to_priors(&mut copy);
-        let verdicts = self.judge_positions(&mut copy)?;
+        let start = copy.clone();
+        let mut verdicts = self.judge_positions(&mut copy)?;
+        let trusted = (0..graph.edges.len()).filter(|edge| !is_closure(edge)).collect();
+        let mut softness = 1.0;
+        if self.contradict(&verdicts) {
+            let mut softer = self.softness(&mut start.clone())?;
+            // What is left beyond the median may want softer edges still; false ones stay what they are.
+            while softer > softness && self.contradict(&verdicts) {
+                let mut soft = start.clone();
+                let edges = 0..soft.edges.len();
+                scale(&mut soft, edges, 1.0 / softer);
+                let found = self.judge_positions(&mut soft)?;
+                if self.misfits(&found) >= self.misfits(&verdicts) {
+                    break;
+                }
+                (copy, verdicts, softness) = (soft, found, softer);
+                softer = (SOFTER * softness).min(MAX_SOFTNESS);
+            }
+        }
         graph.poses = copy.poses;
-        Ok(verdicts)
+        Ok(Placed { verdicts, trusted, softness })
+    }
+
+    /// How many position priors do not fit.
+    fn misfits(&self, verdicts: &[PositionVerdict]) -> usize {
+        let threshold = self.options.positions.as_ref().and_then(|positions| positions.threshold);
+        let threshold = threshold.unwrap_or_else(|| default_threshold(3));
+        verdicts.iter().filter(|verdict| verdict.chi2 > threshold).count()
+    }
+
+    /// Whether so many position priors do not fit that the graph may be at fault.
+    fn contradict(&self, verdicts: &[PositionVerdict]) -> bool {
+        let misfits = self.misfits(verdicts);
+        misfits >= LEAST_MISFITS && MISFIT_SHARE * misfits >= verdicts.len()
+    }
+
+    fn softness<G: LieGroup<N>, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+    ) -> Result<f64, SolveError> {
+        strain(graph, &self.pose_graph_options(), self.interrupt)
+    }
+
+    fn pose_graph_options(&self) -> pose_graph::Options {
+        let passed = self.begin.elapsed();
+        let mut optimizer = self.options.optimizer;
+        optimizer.deadline = optimizer.deadline.map(|deadline| deadline.saturating_sub(passed));
+        pose_graph::Options { optimizer }
     }
 
     fn judge_positions<G: LieGroup<N>, const N: usize>(
@@ -259,11 +340,7 @@ impl Run<'_> {
         if graph.position_priors.is_empty() {
             return Ok(Vec::new());
         }
-        let passed = self.begin.elapsed();
-        let mut optimizer = self.options.optimizer;
-        optimizer.deadline = optimizer.deadline.map(|deadline| deadline.saturating_sub(passed));
-        let options = pose_graph::Options { optimizer };
-        judge_positions(graph, positions, &options, self.interrupt)
+        judge_positions(graph, positions, &self.pose_graph_options(), self.interrupt)
     }
 
     fn plain<G: GraphPose<D, N>, const D: usize, const N: usize>(
@@ -292,6 +369,7 @@ impl Run<'_> {
             after,
             judged: None,
             positions: Vec::new(),
+            softness: 1.0,
             proof,
         })
     }
@@ -349,6 +427,7 @@ impl Run<'_> {
             after,
             judged,
             positions: Vec::new(),
+            softness: 1.0,
             proof,
         })
     }

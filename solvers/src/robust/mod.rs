@@ -17,6 +17,7 @@ mod graduated;
 mod judging;
 mod positions;
 mod screening;
+mod strain;
 mod variance;
 
 use std::time::Instant;
@@ -26,6 +27,7 @@ use contraction::{Contraction, contract};
 pub use graduated::Kernel;
 pub use positions::{PositionJudging, PositionVerdict, judge_positions};
 use screening::{Screened, screen};
+pub use strain::strain;
 pub use variance::{VarianceFactors, variance_factors};
 
 use crate::factors::{PosePrior, PositionPrior, RelativePose};

@@ -143,7 +143,7 @@ fn solve<G: LieGroup<N>, const N: usize>(
 }
 
 /// T of each position prior.
-fn costs<G: LieGroup<N>, const N: usize>(
+pub(super) fn costs<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
     counts: &[bool],
     interrupt: &Interrupt,

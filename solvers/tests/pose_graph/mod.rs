@@ -5,6 +5,7 @@
 pub(crate) mod graphs;
 
 mod bad_input;
+mod bent;
 mod chordal;
 mod convergence;
 mod files;

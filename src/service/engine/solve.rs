@@ -404,6 +404,10 @@ fn solve_graph(
         let off = SwitchedOff { chi2: verdict.chi2, weight: 0.0, is_provisional: false };
         position.switched_off = is_off.then_some(off);
     }
+    // What positions say of odometry counts on top of what closures say.
+    for (_, factors) in &mut factors {
+        factors.odometry *= solved.softness;
+    }
     let off = || problem.closures.iter().filter_map(|closure| closure.switched_off);
     let closures = judges.then(|| ClosureCounts {
         judged: problem.closures.len(),

@@ -566,7 +566,8 @@ impl ::prost::Name for ClosureSummary {
     }
 }
 /// By what the stated covariances of a client have to be multiplied to fit what was measured. Found from
-/// the errors of the loops that closures make with the odometry; 1 or above, no unit.
+/// the errors of the loops that closures make with the odometry, and of true position priors that contradict
+/// the map; 1 or above, no unit.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct VarianceFactors {
     /// The client.
