@@ -19,15 +19,12 @@ use crate::problem::{PoseGraph, SolveError};
 pub use crate::robust::Judging;
 use crate::robust::{
     self, ClosureVerdict, PositionJudging, PositionVerdict, RobustSummary, default_threshold,
-    judge_positions, strain,
+    edge_variance_factor, judge_positions,
 };
 
 /// Position priors that do not fit, of how many, from which on the graph may be at fault: 2, and a tenth.
 const LEAST_MISFITS: usize = 2;
 const MISFIT_SHARE: usize = 10;
-/// Factor of variance between two softnesses that are tried, and the largest one.
-const SOFTER: f64 = 4.0;
-const MAX_SOFTNESS: f64 = 1024.0;
 
 /// Which stages a graph goes through.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,7 +89,7 @@ pub struct Optimized {
     pub positions: Vec<PositionVerdict>,
     /// By what the variance of all edges but the loop closures was multiplied, because true position priors
     /// contradicted them; 1 where nothing did. Costs count it.
-    pub softness: f64,
+    pub edge_variance_factor: f64,
     /// `None` without [`Options::certify`], and where there was no time for a proof.
     pub proof: Option<Proof>,
 }
@@ -158,7 +155,7 @@ struct Placed {
     verdicts: Vec<PositionVerdict>,
     /// The edges that are no loop closures.
     trusted: Vec<usize>,
-    softness: f64,
+    edge_variance_factor: f64,
 }
 
 /// Multiplies the information of these edges.
@@ -198,9 +195,10 @@ impl Run<'_> {
             let optimized = self.stages(graph, has_poses, observer)?;
             return Ok(self.since(graph, came_with, optimized));
         }
-        let Placed { mut verdicts, trusted, softness } = self.place(graph, has_poses)?;
+        let Placed { mut verdicts, trusted, edge_variance_factor } =
+            self.place(graph, has_poses)?;
         let stated: Vec<_> = graph.edges.iter().map(|edge| edge.information).collect();
-        scale(graph, trusted.into_iter(), 1.0 / softness);
+        scale(graph, trusted.into_iter(), 1.0 / edge_variance_factor);
         let all = graph.position_priors.clone();
         let mut judged = verdicts.iter();
         graph
@@ -215,7 +213,7 @@ impl Run<'_> {
         for (prior, verdict) in graph.position_priors.iter().zip(&mut verdicts) {
             verdict.chi2 = prior.chi2(&graph.poses[prior.pose]);
         }
-        Ok(Optimized { positions: verdicts, softness, ..optimized? })
+        Ok(Optimized { positions: verdicts, edge_variance_factor, ..optimized? })
     }
 
     /// With the costs of the poses that the graph came with, in place of those of a start that was made.
@@ -285,24 +283,25 @@ impl Run<'_> {
         let start = copy.clone();
         let mut verdicts = self.judge_positions(&mut copy)?;
         let trusted = (0..graph.edges.len()).filter(|edge| !is_closure(edge)).collect();
-        let mut softness = 1.0;
+        let mut factor = 1.0;
         if self.contradict(&verdicts) {
-            let mut softer = self.softness(&mut start.clone())?;
-            // What is left beyond the median may want softer edges still; false ones stay what they are.
-            while softer > softness && self.contradict(&verdicts) {
-                let mut soft = start.clone();
-                let edges = 0..soft.edges.len();
-                scale(&mut soft, edges, 1.0 / softer);
-                let found = self.judge_positions(&mut soft)?;
+            let options = self.pose_graph_options();
+            let mut larger = edge_variance_factor(&mut start.clone(), &options, self.interrupt)?;
+            // More than the median may fit with a still larger factor; what is false stays false.
+            while larger > factor && larger <= robust::MAX_FACTOR && self.contradict(&verdicts) {
+                let mut scaled = start.clone();
+                let edges = 0..scaled.edges.len();
+                scale(&mut scaled, edges, 1.0 / larger);
+                let found = self.judge_positions(&mut scaled)?;
                 if self.misfits(&found) >= self.misfits(&verdicts) {
                     break;
                 }
-                (copy, verdicts, softness) = (soft, found, softer);
-                softer = (SOFTER * softness).min(MAX_SOFTNESS);
+                (copy, verdicts, factor) = (scaled, found, larger);
+                larger *= robust::STEP;
             }
         }
         graph.poses = copy.poses;
-        Ok(Placed { verdicts, trusted, softness })
+        Ok(Placed { verdicts, trusted, edge_variance_factor: factor })
     }
 
     /// How many position priors do not fit.
@@ -316,13 +315,6 @@ impl Run<'_> {
     fn contradict(&self, verdicts: &[PositionVerdict]) -> bool {
         let misfits = self.misfits(verdicts);
         misfits >= LEAST_MISFITS && MISFIT_SHARE * misfits >= verdicts.len()
-    }
-
-    fn softness<G: LieGroup<N>, const N: usize>(
-        &self,
-        graph: &mut PoseGraph<G, N>,
-    ) -> Result<f64, SolveError> {
-        strain(graph, &self.pose_graph_options(), self.interrupt)
     }
 
     fn pose_graph_options(&self) -> pose_graph::Options {
@@ -369,7 +361,7 @@ impl Run<'_> {
             after,
             judged: None,
             positions: Vec::new(),
-            softness: 1.0,
+            edge_variance_factor: 1.0,
             proof,
         })
     }
@@ -427,7 +419,7 @@ impl Run<'_> {
             after,
             judged,
             positions: Vec::new(),
-            softness: 1.0,
+            edge_variance_factor: 1.0,
             proof,
         })
     }

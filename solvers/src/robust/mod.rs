@@ -13,21 +13,22 @@ mod bending;
 mod candidates;
 mod chain;
 mod contraction;
+mod edge_variance;
 mod graduated;
 mod judging;
 mod positions;
 mod screening;
-mod strain;
 mod variance;
 
 use std::time::Instant;
 
 use chain::UncertainMotion;
 use contraction::{Contraction, contract};
+pub use edge_variance::edge_variance_factor;
+pub(crate) use edge_variance::{MAX_FACTOR, STEP};
 pub use graduated::Kernel;
 pub use positions::{PositionJudging, PositionVerdict, judge_positions};
 use screening::{Screened, screen};
-pub use strain::strain;
 pub use variance::{VarianceFactors, variance_factors};
 
 use crate::factors::{PosePrior, PositionPrior, RelativePose};

@@ -406,7 +406,7 @@ fn solve_graph(
     }
     // What positions say of odometry counts on top of what closures say.
     for (_, factors) in &mut factors {
-        factors.odometry *= solved.softness;
+        factors.odometry *= solved.edge_variance_factor;
     }
     let off = || problem.closures.iter().filter_map(|closure| closure.switched_off);
     let closures = judges.then(|| ClosureCounts {

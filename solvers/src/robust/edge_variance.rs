@@ -1,10 +1,11 @@
-//! How much softer a graph is than its information claims, as the positions say that were measured in it.
+//! By how much the stated covariances of a graph's edges are too small, as the positions say that were measured
+//! in it.
 //!
 //! Relative poses from views share what is wrong with a camera: together they are much less certain than
 //! each of them says, and a map can be bent by more than any of its parts. A few true positions then
-//! contradict it, as many false ones would. What tells the two apart is that softer edges meet true positions
-//! all at once, and false ones one by one. The variance of the edges grows until the median of the positions'
-//! T ([`costs`]) is that of true ones. Nothing is judged here.
+//! contradict it, as many false ones would. Larger covariances of the edges meet true positions all at once,
+//! and false ones one by one: the variance of the edges grows until the median of the positions' T ([`costs`])
+//! is that of true ones. Nothing is judged here.
 
 use super::positions::costs;
 use crate::geometry::LieGroup;
@@ -23,19 +24,20 @@ const MEDIAN: f64 = 2.366;
 const DEVIATION: f64 = 2.6;
 const LEAST_EXCESS: f64 = 0.9;
 
-/// Factors of variance that are tried: a covariance that counts pixels with a common error as independent is
-/// ten to a thousand times too small.
-const FACTORS: [f64; 6] = [1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
+/// From one factor to the next that is tried, and the largest: a covariance that counts pixels with a common
+/// error as independent is ten to a thousand times too small.
+pub(crate) const STEP: f64 = 4.0;
+pub(crate) const MAX_FACTOR: f64 = 1024.0;
 
 /// Deviations past which a position pulls less while the factor is sought.
 const WIDTH: f64 = 3.0;
 
 /// By what the variance of the edges has to be multiplied to meet the positions, at least 1; 1 where no factor
-/// does. The poses of `graph` are where the search ended.
+/// does, and where `interrupt` ends the search. The poses of `graph` are where it ended.
 ///
 /// # Errors
 /// Those of [`pose_graph::solve`].
-pub fn strain<G: LieGroup<N>, const N: usize>(
+pub fn edge_variance_factor<G: LieGroup<N>, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     options: &pose_graph::Options,
     interrupt: &Interrupt,
@@ -49,18 +51,19 @@ pub fn strain<G: LieGroup<N>, const N: usize>(
     }
     let most = MEDIAN + (2.0 * DEVIATION / (count as f64).sqrt()).max(LEAST_EXCESS);
     let all = vec![true; count];
-    let edges = graph.edges.clone();
-    for factor in FACTORS {
-        for (edge, stated) in graph.edges.iter_mut().zip(&edges) {
-            edge.information = stated.information.scaled(1.0 / factor);
-        }
+    let mut factor = 1.0;
+    while factor <= MAX_FACTOR && !interrupt.is_due() {
         pose_graph::solve_until(graph, options, interrupt, &mut ignore_iterations)?;
-        let mut found = costs(graph, &all, interrupt)?;
+        let mut found = match costs(graph, &all, interrupt) {
+            Err(SolveError::Interrupted) => break,
+            found => found?,
+        };
         if *found.select_nth_unstable_by(count / 2, f64::total_cmp).1 <= most {
             return Ok(factor);
         }
-        if interrupt.is_due() {
-            break;
+        factor *= STEP;
+        for edge in &mut graph.edges {
+            edge.information = edge.information.scaled(1.0 / STEP);
         }
     }
     Ok(1.0)
