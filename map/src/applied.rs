@@ -194,20 +194,18 @@ pub fn applied_as_far(
     let keyframes = map_now.keyframes();
     let (mut poses, mut landmarks) = caught_up(map_now, solved, kind, solved.start_revision());
     keep_gauge(map_now, solved.gauge(map_now), kind, &mut poses, &mut landmarks);
-    match reach {
-        Reach::All => {}
-        Reach::Noticeable { if_contradicted: true } if !matches!(solved, Solved::Graph(graph) if graph.contradicts(map_now)) =>
-        {
+    if let Reach::Noticeable { if_contradicted } = reach {
+        let contradicts = || matches!(solved, Solved::Graph(graph) if graph.contradicts(map_now));
+        if if_contradicted && !contradicts() {
             poses.clear();
             landmarks.clear();
         }
-        Reach::Noticeable { .. } => keep_noticeable(map_now, &mut poses, &mut landmarks),
+        keep_noticeable(map_now, &mut poses, &mut landmarks);
     }
     let late = late_poses(map_now, solved, &poses);
-    let late_ids: Vec<EntityId> = late.iter().map(|&(id, _)| id).collect();
-    poses.extend(late);
     // What waits for a window may have become the first keyframe.
-    let ids: BTreeSet<EntityId> = late_ids.into_iter().collect();
+    let ids: BTreeSet<EntityId> = late.iter().map(|&(id, _)| id).collect();
+    poses.extend(late);
     for held in map_now.held_among(solved.gauge(map_now), &ids) {
         poses.remove(&held);
     }

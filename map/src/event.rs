@@ -99,6 +99,28 @@ pub struct AppliedSolve {
     pub request: Option<RequestId>,
 }
 
+impl AppliedSolve {
+    /// The result of a solve of this kind that changes nothing, at no cost.
+    #[must_use]
+    pub fn unchanged(kind: SolveKind) -> Self {
+        Self {
+            kind,
+            poses: Vec::new(),
+            landmarks: Vec::new(),
+            cameras: Vec::new(),
+            switched_off: Vec::new(),
+            switched_on: Vec::new(),
+            closure_variances: Vec::new(),
+            noise: Vec::new(),
+            left_frames: Vec::new(),
+            covered: Vec::new(),
+            initial_cost: 0.0,
+            final_cost: 0.0,
+            request: None,
+        }
+    }
+}
+
 /// Names what asked for a solve; random.
 pub type RequestId = [u8; 16];
 

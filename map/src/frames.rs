@@ -94,8 +94,8 @@ impl Map {
     /// is not where it was sent. All poses are in the map's unit.
     ///
     /// A robot that sends its odometry as start estimates does not know of corrections, one that knows of them
-    /// sends estimates in the map's frame, and one that was relocalized starts elsewhere. Which it is, `cost`
-    /// tells: how badly a pose fits what the keyframe sees of the map; `None` where it sees too little of it.
+    /// sends estimates in the map's frame, and one that was relocalized starts elsewhere. `cost` decides which
+    /// it is: how badly a pose fits what the keyframe sees of the map; `None` where it sees too little of it.
     /// Then odometry decides: the estimate follows from the newest keyframe in the frame in which it is near.
     pub(super) fn start_motion(
         &self,

@@ -45,7 +45,7 @@ pub(super) fn caught_up(
         let motion = motions.get(&known.reference?);
         (!yields).then(|| motion.map_or(now, |motion| motion.transform(&now)))
     };
-    // Duplicates are one point with the landmark that stands for them.
+    // Duplicates are one point, which moves as the first of them that the map still has.
     let mut landmarks = Vec::new();
     for (ids, start, found) in solved.landmarks() {
         let known = |id: &&EntityId| {

@@ -19,24 +19,13 @@ const LEAST_ANGLE: f64 = 2e-4;
 /// a motion of that size is worth nothing.
 const FAR: f64 = 20.0;
 
-/// Most landmarks of a keyframe that are asked for their distance.
-const MOST_ASKED: usize = 16;
-
 /// The motion of a keyframe as an angle at which its views see it, rad; infinite where it sees nothing.
 fn shift(map: &Map, keyframe: &Keyframe, new: &Se3) -> f64 {
     let now = &keyframe.world_from_camera;
     if new == now {
         return 0.0;
     }
-    let step = keyframe.observations.len().div_ceil(MOST_ASKED).max(1);
-    let asked = keyframe.observations.iter().step_by(step);
-    let positions = asked.filter_map(|seen| map.landmarks().get(&seen.landmark)?.position);
-    let mut distances: Vec<f64> = positions.map(|p| (p - now.translation).norm()).collect();
-    let middle = distances.len() / 2;
-    if middle >= distances.len() {
-        return f64::INFINITY;
-    }
-    let (_, &mut distance, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+    let Some(distance) = map.view_distance(keyframe) else { return f64::INFINITY };
     let motion = now.inverse().compose(new);
     (motion.translation.norm() / distance).max(motion.rotation.log().norm())
 }

@@ -17,6 +17,12 @@ pub(super) fn is_positive(value: f64) -> bool {
     value.is_finite() && value > 0.0
 }
 
+/// The median, of an even count the upper one; `None` of none.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (middle < values.len()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
 /// Whether all coordinates are finite.
 pub(super) fn is_finite<const N: usize>(vector: &SVector<f64, N>) -> bool {
     vector.iter().all(|value| value.is_finite())

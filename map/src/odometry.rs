@@ -24,17 +24,15 @@ use nalgebra::{SMatrix, Vector6};
 
 use super::keyframe_pairs::odometry;
 use super::numbers::is_positive;
-use super::{ClientIndex, ConstraintKind, EntityId, Keyframe, Map, MapProblem};
+use super::{ClientIndex, ConstraintKind, EntityId, Map, MapProblem};
 
-/// A way below which the deviation falls no more, in the client's unit: a robot that stands is not known
+/// A way below which the deviation falls no more, in the client's unit: a robot at rest is not known
 /// to the atom.
 const LEAST_WAY: f64 = 1e-3;
 /// Share of the distance of what a keyframe sees below which its way makes no difference.
 const DISTANCE_SHARE: f64 = 0.02;
 /// The turn from which on the noise of a rotation grows with it, rad: 5°.
 const TURN: f64 = 0.087;
-/// Most landmarks that are asked for their distance.
-const MOST_ASKED: usize = 16;
 /// Past this many deviations odometry loses its hold: it jumped, or a wheel slipped.
 pub(super) const LOSS: Loss = Loss::GemanMcClure(10.0);
 /// Weight below which odometry has lost its hold.
@@ -150,24 +148,9 @@ impl Map {
         let now = self.keyframes().get(&keyframe)?;
         let before_from_keyframe = odometry(previous, now);
         let noise = self.client(keyframe.client)?.noise.odometry;
-        let information = noise.information(&before_from_keyframe, self.distance(now))?;
+        let distance = self.view_distance(now).unwrap_or(0.0);
+        let information = noise.information(&before_from_keyframe, distance)?;
         Some(Tie { before, before_from_keyframe, information })
-    }
-
-    /// The median distance of what a keyframe sees, 0 where it sees nothing.
-    fn distance(&self, keyframe: &Keyframe) -> f64 {
-        let step = keyframe.observations.len().div_ceil(MOST_ASKED).max(1);
-        let asked = keyframe.observations.iter().step_by(step);
-        let position = |landmark| self.landmarks().get(&landmark)?.position;
-        let distances = asked.filter_map(|seen| {
-            Some((position(seen.landmark)? - keyframe.world_from_camera.translation).norm())
-        });
-        let mut distances: Vec<f64> = distances.filter(|distance| distance.is_finite()).collect();
-        let middle = distances.len() / 2;
-        match middle < distances.len() {
-            true => *distances.select_nth_unstable_by(middle, f64::total_cmp).1,
-            false => 0.0,
-        }
     }
 
     fn has_own_odometry(&self, a: EntityId, b: EntityId) -> bool {

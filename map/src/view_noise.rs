@@ -11,10 +11,9 @@
 
 use std::collections::BTreeMap;
 
-use covis_solvers::factors::Reprojection;
 use covis_solvers::loss::Loss;
 
-use super::numbers::is_positive;
+use super::numbers::{is_positive, median};
 use super::{ClientIndex, MapProblem};
 
 /// Median of χ² with two degrees of freedom.
@@ -128,11 +127,9 @@ impl MapProblem {
         let mut measured = 0_usize;
         for observation in bundle.observations() {
             let pose = observation.pose as usize;
-            let camera = &bundle.cameras[observation.camera as usize];
-            let point = &bundle.landmarks[observation.landmark as usize];
-            let Reprojection { depth_m, .. } = observation.seen;
+            let depth_m = observation.seen.depth_m;
             measured += if depth_m.is_some() { 3 } else { 2 };
-            let residual = observation.seen.residual(&bundle.poses[pose], camera, point);
+            let residual = bundle.residual(&observation);
             let residual = residual.map_or([f64::INFINITY; 3], |r| [r.x, r.y, r.z]);
             let of_client = squared.entry(self.keyframes[pose].client).or_default();
             of_client.pixels.push(residual[0].powi(2) + residual[1].powi(2));
@@ -146,21 +143,21 @@ impl MapProblem {
         if redundancy < LEAST_REDUNDANCY {
             return;
         }
-        let factor = |squared: &mut Vec<f64>, median: f64| {
-            let middle = squared.len() / 2;
-            let (_, found, _) = squared.select_nth_unstable_by(middle, f64::total_cmp);
-            (*found / (median * redundancy)).sqrt()
+        let factor = |squared: Vec<f64>, expected: f64| {
+            median(squared).map(|found| (found / (expected * redundancy)).sqrt())
         };
-        for (client, mut squared) in squared {
+        for (client, squared) in squared {
             let Some(noise) = self.noise.get_mut(&client) else { continue };
             if squared.pixels.len() < LEAST_VIEWS {
                 continue;
             }
-            let pixel = factor(&mut squared.pixels, PIXEL_MEDIAN);
             let has_depths = squared.depths.len() >= LEAST_VIEWS;
-            let depth = has_depths.then(|| factor(&mut squared.depths, DEPTH_MEDIAN));
+            let depths = if has_depths { squared.depths } else { Vec::new() };
+            let depth = factor(depths, DEPTH_MEDIAN);
             // A median that is no number has nothing to say.
-            if is_positive(pixel) && depth.is_none_or(is_positive) {
+            if let Some(pixel) = factor(squared.pixels, PIXEL_MEDIAN).filter(|&f| is_positive(f))
+                && depth.is_none_or(is_positive)
+            {
                 noise.views = noise.views.after(pixel, depth);
             }
         }

@@ -204,21 +204,7 @@ pub(crate) fn loop_problem(
 
 /// A solve of this kind that changes nothing.
 pub(crate) fn solve_of(kind: SolveKind) -> AppliedSolve {
-    AppliedSolve {
-        kind,
-        poses: Vec::new(),
-        landmarks: Vec::new(),
-        cameras: Vec::new(),
-        switched_off: Vec::new(),
-        switched_on: Vec::new(),
-        closure_variances: Vec::new(),
-        noise: Vec::new(),
-        left_frames: Vec::new(),
-        covered: Vec::new(),
-        initial_cost: 1.0,
-        final_cost: 0.5,
-        request: None,
-    }
+    AppliedSolve { initial_cost: 1.0, final_cost: 0.5, ..AppliedSolve::unchanged(kind) }
 }
 
 pub(crate) fn pose_error(a: &Se3, b: &Se3) -> f64 {

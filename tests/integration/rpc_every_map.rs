@@ -218,14 +218,14 @@ impl Fixture {
         stream.finish().await.unwrap();
         // By places, which most of these maps do not show, then where it lies anyway.
         let by_places = crate::merge_support::merge(&target, map_id);
-        let told = v1::MergeMapsRequest {
+        let request = v1::MergeMapsRequest {
             target_from_source: Some(shift([0.0, 0.0, 1.0])),
             ..by_places.clone()
         };
         if let Err(status) = self.server.maps().merge_maps(by_places).await {
             assert!(is_reason(status.code() as i32), "{map_id}: {status:?}");
             self.check(map_id, &format!("{map_id} is aligned")).await;
-            self.server.maps().merge_maps(told).await.unwrap();
+            self.server.maps().merge_maps(request).await.unwrap();
         }
         self.check(&target, &format!("{map_id} is merged")).await;
         let whole = v1::OptimizeMapRequest { map_id: target.clone(), ..Default::default() };

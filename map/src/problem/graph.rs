@@ -28,6 +28,7 @@ use nalgebra::Vector6;
 
 use super::{ClosureEdge, GraphProblem, priors};
 use crate::keyframe_pairs::odometry;
+use crate::numbers::median;
 use crate::{ClientIndex, Constraint, ConstraintKind, EntityId, Gauge, GraphPairs, Map};
 
 /// Translation error over distance.
@@ -181,11 +182,6 @@ fn scale(
 /// The median distance of the pairs by odometry; 1 where it is negligible or there is none.
 fn median_distance(by_odometry: &[Option<Se3>]) -> f64 {
     let motions = by_odometry.iter().flatten();
-    let mut distances: Vec<f64> = motions.map(|motion| motion.translation.norm()).collect();
-    let middle = distances.len() / 2;
-    if middle >= distances.len() {
-        return 1.0;
-    }
-    let (_, &mut median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
-    if median > 1e-9 { median } else { 1.0 }
+    let distances = motions.map(|motion| motion.translation.norm()).collect();
+    median(distances).filter(|&median| median > 1e-9).unwrap_or(1.0)
 }

@@ -11,6 +11,7 @@ mod plausible;
 mod priors;
 mod reconstructed;
 mod region;
+mod views;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -28,6 +29,7 @@ pub use graph::measured_graph;
 pub use plausible::{Held, Start};
 pub use reconstructed::Compared;
 pub use region::region_problem;
+pub use views::FarStart;
 
 /// A bundle adjustment problem with the names of its variables.
 #[derive(Clone, Debug, PartialEq)]

@@ -18,6 +18,8 @@ use covis_solvers::problem::BundleProblem;
 use nalgebra::{UnitVector3, Vector3};
 
 use super::MapProblem;
+use super::views::Views;
+use crate::numbers::median;
 use crate::odometry;
 
 /// Share of the landmarks of a keyframe that may go behind its camera: wrong ones do.
@@ -66,46 +68,6 @@ pub struct Start {
     poses: Vec<Se3>,
     landmarks: Vec<Vector3<f64>>,
     views: Vec<Views>,
-}
-
-/// How a pose sees its landmarks.
-#[derive(Clone, Debug, Default)]
-struct Views {
-    /// Squared residuals; infinite where there is none.
-    squared: Vec<f64>,
-    behind: usize,
-}
-
-impl Views {
-    /// Of each pose of a problem.
-    fn of(bundle: &BundleProblem) -> Vec<Self> {
-        let mut views = vec![Self::default(); bundle.poses.len()];
-        for observation in bundle.observations() {
-            let pose = observation.pose as usize;
-            let (camera, landmark) = (observation.camera as usize, observation.landmark as usize);
-            let (world_from_camera, point) = (&bundle.poses[pose], &bundle.landmarks[landmark]);
-            let seen = observation.seen;
-            let residual = seen.residual(world_from_camera, &bundle.cameras[camera], point);
-            views[pose].squared.push(residual.map_or(f64::INFINITY, |r| r.norm_squared()));
-            let is_behind = world_from_camera.inverse_transform(point).z <= 0.0;
-            views[pose].behind += usize::from(is_behind);
-        }
-        views
-    }
-
-    /// The median residual.
-    fn median(&self) -> f64 {
-        median(self.squared.clone()).sqrt()
-    }
-}
-
-/// The median, 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    match middle < values.len() {
-        true => *values.select_nth_unstable_by(middle, f64::total_cmp).1,
-        false => 0.0,
-    }
 }
 
 impl MapProblem {
@@ -188,7 +150,7 @@ impl MapProblem {
             (start.poses[seen.pose as usize].translation - start.landmarks[seen.landmark as usize])
                 .norm()
         });
-        wide.fold(0.0, f64::max) + DISTANCE_SHARE * median(seen.collect())
+        wide.fold(0.0, f64::max) + DISTANCE_SHARE * median(seen.collect()).unwrap_or(0.0)
     }
 
     /// Those of `far` whose place the factors do not know.

@@ -175,6 +175,17 @@ impl BundleProblem {
         (0..self.observation_count()).map(|k| self.observation(k))
     }
 
+    /// The whitened residual of an observation at the present values, as [`Reprojection::residual`] has it.
+    ///
+    /// # Panics
+    /// Where it names a variable that is not there.
+    #[must_use]
+    pub fn residual(&self, observation: &Observation) -> Option<Vector3<f64>> {
+        let pose = &self.poses[observation.pose as usize];
+        let camera = &self.cameras[observation.camera as usize];
+        observation.seen.residual(pose, camera, &self.landmarks[observation.landmark as usize])
+    }
+
     /// Observations whose landmark is at or behind the camera's center plane (z ≤ 0).
     #[must_use]
     pub fn behind_camera_count(&self) -> usize {

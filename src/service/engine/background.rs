@@ -266,25 +266,6 @@ fn ends(map: &Map, change: &Change) -> Vec<EntityId> {
     }
 }
 
-/// The result of an adjustment that had nothing to move.
-fn nothing_moved() -> AppliedSolve {
-    AppliedSolve {
-        kind: SolveKind::Global,
-        poses: Vec::new(),
-        landmarks: Vec::new(),
-        cameras: Vec::new(),
-        switched_off: Vec::new(),
-        switched_on: Vec::new(),
-        closure_variances: Vec::new(),
-        noise: Vec::new(),
-        left_frames: Vec::new(),
-        covered: Vec::new(),
-        initial_cost: 0.0,
-        final_cost: 0.0,
-        request: None,
-    }
-}
-
 impl Actor {
     /// Whether nothing runs in the background, or what is due there has to wait.
     pub(super) fn is_background_idle(&self) -> bool {
@@ -317,7 +298,10 @@ impl Actor {
         let leaves_room = self.solving.leaves_room(is_lock_step);
         if leaves_room && !is_lock_step && self.background.has_nothing_to_adjust(&self.map) {
             self.background.may_be_due = false;
-            self.commit_in_background(Change::SolveApplied { solve: nothing_moved() }).await;
+            self.commit_in_background(Change::SolveApplied {
+                solve: AppliedSolve::unchanged(SolveKind::Global),
+            })
+            .await;
         } else if (leaves_room || !is_lock_step) && !searches {
             self.background.start(&self.map, is_lock_step, leaves_room);
         }

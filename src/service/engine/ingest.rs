@@ -301,7 +301,7 @@ impl Ingest {
     }
 
     /// Sends OPTIMIZED acks to those clients that have a stream, up to their sequences; for each it is said
-    /// whether another one follows, which stands for it where there is room for one only.
+    /// whether another one follows, which replaces it where there is room for one only.
     pub(super) fn acknowledge_optimized(
         &mut self,
         marks: impl IntoIterator<Item = (ClientIndex, i64, bool)>,

@@ -1,10 +1,11 @@
 //! From what a solve moved to the event that is journaled.
 
 use super::actor::Actor;
-use super::solve::Moved;
+use super::solve::{HeldKeyframe, Moved};
 use super::{EngineError, Fault};
 use crate::map::{
-    AppliedSolve, Change, ClientIndex, Map, Reach, SolveKind, SwitchedOff, applied_as_far,
+    AppliedSolve, Change, ClientIndex, EntityId, Held, Map, Reach, SolveKind, SwitchedOff,
+    applied_as_far,
 };
 
 impl Actor {
@@ -39,6 +40,16 @@ impl Actor {
                 Err(self.refuse(&change, false, error.to_string()))
             }
         }
+    }
+
+    /// The keyframes that a window was to move and holds.
+    pub(super) fn held(&self, moved: &Moved) -> Vec<HeldKeyframe> {
+        let Moved::Bundle(problem) = moved else { return Vec::new() };
+        let named = |&(keyframe, reason): &(EntityId, Held)| {
+            let client = self.map.client(keyframe.client)?.name.clone();
+            Some(HeldKeyframe { client, id: keyframe.id, reason })
+        };
+        problem.held.iter().filter_map(named).collect()
     }
 }
 

@@ -22,17 +22,17 @@ use super::handle::Shared;
 use super::pool::{Ended, Slot, SolverPool};
 use super::results::switched_off;
 use super::schedule::Schedule;
-use super::solve::{HeldKeyframe, Job, Moved, Outcome, Solution, solve_whole};
+use super::solve::{Job, Outcome, Solution, solve_whole};
 use super::window_solve::{WindowOptions, solve_window};
 use super::{
     EngineError, Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, SolveReport,
     SolveStep,
 };
 use crate::map::{
-    Change, EntityId, Held, Map, Reach, RequestId, SolveKind, choose_window_while, local_problem,
+    Change, EntityId, Map, Reach, RequestId, SolveKind, choose_window_while, local_problem,
 };
 
-/// Windows of which one tells how uncertain odometry is: they overlap, and it takes as long as an iteration.
+/// Windows of which one finds how uncertain odometry is: they overlap, and it takes as long as an iteration.
 const LEARN_EVERY: i64 = 8;
 
 /// The solve that runs.
@@ -363,16 +363,6 @@ impl Actor {
         let followed = |(client, sequence)| (client, sequence, schedule.is_waiting(client));
         let marks: Vec<_> = marks.into_iter().map(followed).collect();
         self.ingest.acknowledge_optimized(marks, self.map.revision(), solve_id, report);
-    }
-
-    /// The keyframes that a window was to move and holds.
-    fn held(&self, moved: &Moved) -> Vec<HeldKeyframe> {
-        let Moved::Bundle(problem) = moved else { return Vec::new() };
-        let named = |&(keyframe, reason): &(EntityId, Held)| {
-            let client = self.map.client(keyframe.client)?.name.clone();
-            Some(HeldKeyframe { client, id: keyframe.id, reason })
-        };
-        problem.held.iter().filter_map(named).collect()
     }
 
     /// Handles the end of a solve.

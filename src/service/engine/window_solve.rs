@@ -13,13 +13,13 @@ use covis_solvers::optimizer::{self, ignore_iterations};
 use covis_solvers::price::Ceiling;
 
 use super::solve::{Moved, OptimizeOptions, Outcome, Solution, solve_bundle};
-use crate::map::{Held, MapProblem};
+use crate::map::{FarStart, Held, MapProblem};
 
 /// How a window is solved.
 pub(super) struct WindowOptions {
     pub(super) max_iterations: usize,
     pub(super) ceiling: Ceiling,
-    /// Whether it tells how uncertain odometry is.
+    /// Whether it finds anew how uncertain odometry is.
     pub(super) learns: bool,
 }
 
@@ -60,10 +60,6 @@ pub(super) fn solve_window(
     }
 }
 
-/// Share of a keyframe's observations beyond the width of the loss from which on it starts so far off that a
-/// loss which lets go may let go of the truth.
-const FAR: f64 = 0.5;
-
 /// Bundle adjustment by a loss that may let go of what does not fit. From a far start that would be nearly
 /// everything; there the convex loss of the same width comes first. Where odometry says that the start is not
 /// far, of both minima the lower one counts.
@@ -77,14 +73,14 @@ fn solve_graduated(
         Loss::GemanMcClure(width) | Loss::Tukey(width) | Loss::Cauchy(width) => Some(width),
         Loss::Trivial | Loss::Huber(_) => None,
     };
-    let Some((width, far)) = width.and_then(|width| Some((width, farthest(&problem, width)?)))
+    let Some((width, far)) = width.and_then(|width| Some((width, problem.far_start(width)?)))
     else {
         return solve_bundle(problem, options, cancel, &mut ignore_iterations);
     };
     let before = bundle_cost(&problem.problem);
     let direct = match far {
-        Start::Open => None,
-        Start::ByOdometry => {
+        FarStart::Open => None,
+        FarStart::ByOdometry => {
             let direct = solve_bundle(problem.clone(), options, cancel, &mut ignore_iterations);
             match direct {
                 Ok(Some(direct)) => Some(direct),
@@ -111,35 +107,4 @@ fn solve_graduated(
         }
         (_, outcome) => outcome,
     }
-}
-
-/// What places a keyframe that starts far off.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Start {
-    /// Odometry, which may be right.
-    ByOdometry,
-    /// Nothing but its views.
-    Open,
-}
-
-/// What places the keyframe that starts far off, one that nothing places before others; `None` where none does.
-fn farthest(problem: &MapProblem, width: f64) -> Option<Start> {
-    let bundle = &problem.problem;
-    let mut seen = vec![(0_usize, 0_usize); bundle.poses.len()];
-    for observation in bundle.observations() {
-        let pose = observation.pose as usize;
-        let camera = &bundle.cameras[observation.camera as usize];
-        let point = &bundle.landmarks[observation.landmark as usize];
-        let residual = observation.seen.residual(&bundle.poses[pose], camera, point);
-        seen[pose].0 += usize::from(residual.is_none_or(|r| r.norm() > width));
-        seen[pose].1 += 1;
-    }
-    let start = |(pose, (beyond, all)): (usize, (usize, usize))| {
-        let is_far = !bundle.constant_poses[pose] && beyond as f64 > FAR * all as f64;
-        is_far.then(|| match problem.is_held_by_odometry(pose) {
-            true => Start::ByOdometry,
-            false => Start::Open,
-        })
-    };
-    seen.into_iter().enumerate().filter_map(start).max()
 }

@@ -44,19 +44,12 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
         }
         _ if revision % 4 == 3 => Change::SolveApplied {
             solve: AppliedSolve {
-                kind: SolveKind::LocalBundle,
                 poses: vec![(id(revision - 1), pose(revision * 3))],
                 landmarks: vec![(id(10 * (revision - 1)), at(revision * 5))],
-                cameras: Vec::new(),
-                switched_off: Vec::new(),
-                switched_on: Vec::new(),
-                closure_variances: Vec::new(),
-                noise: Vec::new(),
-                left_frames: Vec::new(),
                 covered: vec![(ClientIndex(0), sequence - 1)],
                 initial_cost: 2.0,
                 final_cost: 0.1 + 0.2,
-                request: None,
+                ..AppliedSolve::unchanged(SolveKind::LocalBundle)
             },
         },
         _ => {
