@@ -1,4 +1,5 @@
-//! How far away is what a keyframe sees.
+//! How far away is what a keyframe sees: the scale on which its motions are large or small, and its odometry
+//! is uncertain.
 
 use super::numbers::median;
 use super::{Keyframe, Map};

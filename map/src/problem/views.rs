@@ -1,4 +1,5 @@
-//! How the poses of a problem see their landmarks, at the present values.
+//! How the poses of a problem see their landmarks, at the present values: which of them start far off, and
+//! what the check of a result compares. Nothing is solved here.
 
 use covis_solvers::problem::BundleProblem;
 

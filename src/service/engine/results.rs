@@ -1,4 +1,5 @@
-//! From what a solve moved to the event that is journaled.
+//! From what a solve moved to the event that is journaled, and to what its report names. Nothing here
+//! starts a solve or writes the journal.
 
 use super::actor::Actor;
 use super::solve::{HeldKeyframe, Moved};
