@@ -104,8 +104,16 @@ impl Map {
         odom_from_camera: Option<&Se3>,
         cost: impl Fn(&Se3) -> Option<f64>,
     ) -> Option<Se3> {
-        let (_, newest) = self.newest_keyframe(client)?;
-        let present = newest.map_from_odom();
+        let (id, newest) = self.newest_keyframe(client)?;
+        let present = match self.policy().metric_odometry {
+            true => newest.map_from_odom(),
+            // The frame in which the way from the newest keyframe has the map's scale.
+            false => {
+                let odom = odom_from_camera.unwrap_or(world_from_camera);
+                let step = self.odometry_from((id, newest), odom);
+                newest.world_from_camera.compose(&step).compose(&odom.inverse())
+            }
+        };
         let carried = match odom_from_camera {
             // The start estimate is odometry itself, of which the map has moved the frame.
             None => present,

@@ -151,6 +151,7 @@ impl Hash {
             geodetic_anchor,
             closure_adjustment,
             odometry,
+            metric_odometry,
             place_recognition,
         } = policy;
         self.tag(u8::from(*local_bundle));
@@ -207,6 +208,9 @@ impl Hash {
         }
         if !odometry {
             self.text("no_odometry");
+        }
+        if !metric_odometry {
+            self.text("no_metric_odometry");
         }
         if !closure_adjustment {
             self.text("no_closure_adjustment");

@@ -6,7 +6,11 @@
 //! Along each axis the deviation of the translation is a share of the way between them, that of the rotation
 //! grows with a large turn.
 //!
-//! Both are found from the map's own residuals, as variance components by expectation and maximization
+//! Where odometry has no metric scale, as that of one camera, a tie says the direction of the translation.
+//! Its length continues the scale that the map has there: the steps of the keyframes before it in the map over
+//! those by odometry.
+//!
+//! Both deviations are found from the map's own residuals, as variance components by expectation and maximization
 //! (Dempster, Laird and Rubin 1977): a window that has residuals r̂ with covariance C expects
 //! E[r rᵀ] = r̂ r̂ᵀ + C. They begin small: odometry counts until views contradict it, and views that
 //! determine little, or that see what moves with the camera, do not.
@@ -20,11 +24,10 @@ use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
-use nalgebra::{SMatrix, Vector6};
+use nalgebra::{SMatrix, Vector3, Vector6};
 
-use super::keyframe_pairs::odometry;
-use super::numbers::is_positive;
-use super::{ClientIndex, ConstraintKind, EntityId, Map, MapProblem};
+use super::numbers::{is_positive, median};
+use super::{ClientIndex, ConstraintKind, EntityId, Keyframe, Map, MapProblem, scaling};
 
 /// A way below which the deviation falls no more, in the client's unit: a robot at rest is not known
 /// to the atom.
@@ -33,6 +36,11 @@ const LEAST_WAY: f64 = 1e-3;
 const DISTANCE_SHARE: f64 = 0.02;
 /// The turn from which on the noise of a rotation grows with it, rad: 5°.
 const TURN: f64 = 0.087;
+/// Deviation of the length of a translation without metric scale, as a share of the way. It holds the scale
+/// where nothing else does; a window of views knows it ten times better.
+const SCALE_SHARE: f64 = 0.1;
+/// Pairs of keyframes that say what scale a map has.
+const SCALE_PAIRS: usize = 15;
 /// Past this many deviations odometry loses its hold: it jumped, or a wheel slipped.
 pub(super) const LOSS: Loss = Loss::GemanMcClure(10.0);
 /// Weight below which odometry has lost its hold.
@@ -78,23 +86,51 @@ impl OdometryNoise {
     }
 
     /// The information of the relative pose of two keyframes, the second of which sees things `distance` away.
-    fn information(&self, relative: &Se3, distance: f64) -> Option<Information<6>> {
-        let along = self.translation_share * way(relative, distance);
-        let about = self.rotation_rad * turn(relative);
+    fn information(
+        &self,
+        relative: &Se3,
+        distance: f64,
+        is_metric: bool,
+    ) -> Option<Information<6>> {
+        let way = way(relative, distance);
+        let (along, about) = (self.translation_share * way, self.rotation_rad * turn(relative));
         let deviations = Vector6::new(along, along, along, about, about, about);
-        let diagonal = SMatrix::<f64, 6, 6>::from_diagonal(&deviations.map(|s| 1.0 / (s * s)));
-        Information::new(&diagonal).ok()
+        let diagonal = deviations.map(|s| 1.0 / (s * s));
+        let mut information = SMatrix::<f64, 6, 6>::from_diagonal(&diagonal);
+        if let Some(direction) = direction(relative).filter(|_| !is_metric) {
+            let length = SCALE_SHARE.max(self.translation_share) * way;
+            let mut translation = information.fixed_view_mut::<3, 3>(0, 0);
+            translation +=
+                direction * direction.transpose() * ((length * length).recip() - diagonal.x);
+        }
+        Information::new(&information).ok()
     }
 
     /// The noise after it was seen in these pairs, whose information is of the noise `start`.
-    fn after(&self, pairs: &[(Information<6>, PairEstimate)], start: &Self) -> Self {
+    fn after(&self, pairs: &[Pair], start: &Self, is_metric: bool) -> Self {
         let (mut share, mut angle) = (0.0, 0.0);
-        for (information, PairEstimate { residual, covariance, .. }) in pairs {
+        for Pair { relative, information, estimate: PairEstimate { residual, covariance, .. } } in
+            pairs
+        {
             let expected = residual * residual.transpose() + covariance;
-            let variance = |at: usize| expected.fixed_view::<3, 3>(at, at).trace() / 3.0;
-            let deviations = |at: usize| information.matrix()[(at, at)] * variance(at);
-            share += start.translation_share * start.translation_share * deviations(0);
-            angle += start.rotation_rad * start.rotation_rad * deviations(3);
+            let trace = |at: usize| {
+                let (information, expected) = (
+                    information.matrix().fixed_view::<3, 3>(at, at),
+                    expected.fixed_view::<3, 3>(at, at),
+                );
+                (information * expected).trace()
+            };
+            // A length without scale says nothing of the noise.
+            let across = match direction(relative).filter(|_| !is_metric) {
+                None => trace(0) / 3.0,
+                Some(d) => {
+                    let along =
+                        |matrix: &SMatrix<f64, 6, 6>| d.dot(&(matrix.fixed_view::<3, 3>(0, 0) * d));
+                    (trace(0) - along(information.matrix()) * along(&expected)) / 2.0
+                }
+            };
+            share += start.translation_share * start.translation_share * across;
+            angle += start.rotation_rad * start.rotation_rad * trace(3) / 3.0;
         }
         let seen = pairs.len() as f64;
         let before = self.pairs.min(MOST_PAIRS - seen).max(0.0);
@@ -114,6 +150,11 @@ fn way(relative: &Se3, distance: f64) -> f64 {
     relative.translation.norm().hypot(LEAST_WAY).hypot(DISTANCE_SHARE * distance)
 }
 
+/// The direction of a translation as the residual of a relative pose has it, in the second keyframe.
+fn direction(relative: &Se3) -> Option<Vector3<f64>> {
+    relative.rotation.inverse_rotate(&relative.translation).try_normalize(LEAST_WAY)
+}
+
 /// How much more uncertain a rotation is for its size.
 fn turn(relative: &Se3) -> f64 {
     1.0_f64.hypot(relative.rotation.log().norm() / TURN)
@@ -122,6 +163,13 @@ fn turn(relative: &Se3) -> f64 {
 /// Whether odometry holds a pair of keyframes whose residual has this squared norm.
 pub(super) fn holds(squared: f64) -> bool {
     LOSS.evaluate(squared).weight > LET_GO
+}
+
+/// Two keyframes that odometry tied in a solved problem.
+struct Pair {
+    relative: Se3,
+    information: Information<6>,
+    estimate: PairEstimate,
 }
 
 /// A measured relative pose of the keyframe before and this one.
@@ -146,11 +194,39 @@ impl Map {
             return None;
         }
         let now = self.keyframes().get(&keyframe)?;
-        let before_from_keyframe = odometry(previous, now);
+        let before_from_keyframe = self.odometry_from((before, previous), &now.odom_from_camera);
         let noise = self.client(keyframe.client)?.noise.odometry;
         let distance = self.view_distance(now).unwrap_or(0.0);
-        let information = noise.information(&before_from_keyframe, distance)?;
+        let is_metric = self.policy().metric_odometry;
+        let information = noise.information(&before_from_keyframe, distance, is_metric)?;
         Some(Tie { before, before_from_keyframe, information })
+    }
+
+    /// The relative pose of a keyframe and one that its client has at `odom_from_camera`, by odometry in the
+    /// scale that the map has there.
+    pub(super) fn odometry_from(&self, from: (EntityId, &Keyframe), odom_from_camera: &Se3) -> Se3 {
+        let (id, keyframe) = from;
+        let relative = keyframe.odom_from_camera.inverse().compose(odom_from_camera);
+        match self.policy().metric_odometry {
+            true => relative,
+            false => scaling::pose(self.odometry_scale(id), &relative),
+        }
+    }
+
+    /// How much longer the steps to a keyframe are in the map than by odometry, at the median, since odometry
+    /// may have begun anew; 1 where there is none.
+    pub(super) fn odometry_scale(&self, keyframe: EntityId) -> f64 {
+        let ids = std::iter::successors(Some(keyframe), |&id| Some(self.keyframe_before(id)?.0));
+        let keyframes = ids.filter_map(|id| self.keyframes().get(&id)).take(SCALE_PAIRS + 1);
+        let keyframes: Vec<&Keyframe> = keyframes.collect();
+        let distance = |a: &Se3, b: &Se3| (a.translation - b.translation).norm();
+        let ratio = |pair: &[&Keyframe]| {
+            let in_map = distance(&pair[0].world_from_camera, &pair[1].world_from_camera);
+            let ratio: f64 =
+                in_map / distance(&pair[0].odom_from_camera, &pair[1].odom_from_camera);
+            ratio.is_normal().then_some(ratio)
+        };
+        median(keyframes.windows(2).filter_map(ratio).collect()).unwrap_or(1.0)
     }
 
     fn has_own_odometry(&self, a: EntityId, b: EntityId) -> bool {
@@ -180,18 +256,20 @@ impl MapProblem {
         });
         let (indices, factors): (Vec<usize>, Vec<&RelativePose<Se3, 6>>) = ties.unzip();
         let Some(estimates) = pair_covariances(bundle, &indices) else { return };
-        let mut pairs: BTreeMap<ClientIndex, Vec<(Information<6>, PairEstimate)>> = BTreeMap::new();
+        let mut pairs: BTreeMap<ClientIndex, Vec<Pair>> = BTreeMap::new();
         for (factor, estimate) in factors.into_iter().zip(estimates) {
             // What lost its hold is a jump and no noise.
             if holds(factor.information.squared_norm(&estimate.residual)) {
                 let client = self.keyframes[factor.j].client;
-                pairs.entry(client).or_default().push((factor.information, estimate));
+                let (relative, information) = (factor.i_from_j, factor.information);
+                let pair = Pair { relative, information, estimate };
+                pairs.entry(client).or_default().push(pair);
             }
         }
         for (client, pairs) in pairs {
             let start = self.start_noise.get(&client);
             let (Some(noise), Some(start)) = (self.noise.get_mut(&client), start) else { continue };
-            let after = noise.odometry.after(&pairs, &start.odometry);
+            let after = noise.odometry.after(&pairs, &start.odometry, self.metric_odometry);
             if after.is_possible() {
                 noise.odometry = after;
             }

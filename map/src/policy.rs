@@ -64,6 +64,9 @@ pub struct MapPolicy {
     pub local_bundle: bool,
     /// Whether odometry ties consecutive keyframes of a client (true).
     pub odometry: bool,
+    /// Whether odometry measures lengths in its unit (true). That of one camera does not: its scale
+    /// drifts, and each tie continues the scale that the map has there.
+    pub metric_odometry: bool,
     /// Whether a loop-closure constraint or a prior starts pose-graph optimization (true).
     pub loop_closure: bool,
     /// Whether the places that closures join are compared and the whole map is adjusted after a pose
@@ -103,6 +106,7 @@ impl Default for MapPolicy {
         Self {
             local_bundle: true,
             odometry: true,
+            metric_odometry: true,
             loop_closure: true,
             closure_adjustment: true,
             place_recognition: true,

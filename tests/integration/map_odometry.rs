@@ -63,6 +63,67 @@ fn noise_follows_what_exact_views_say_of_odometry() {
     assert_eq!(journal.map.client(ROBOT).unwrap().noise.odometry, after);
 }
 
+/// A street whose odometry has no metric scale: a unit of it is `unit` long.
+fn scaleless_street(keyframes: i64, unit: f64) -> Journal {
+    let policy = MapPolicy { metric_odometry: false, ..MapPolicy::default() };
+    let mut journal = Journal::new(policy);
+    for k in 0..keyframes {
+        let mut item = street_keyframe(k, pose_at(k as f64), &journal.map);
+        if let Item::Keyframe { odom_from_camera, .. } = &mut item {
+            *odom_from_camera = Some(pose_at(k as f64 / unit));
+        }
+        journal.send(ROBOT, &item).unwrap();
+    }
+    journal
+}
+
+#[test]
+fn odometry_without_metric_scale_continues_that_of_the_map() {
+    let journal = scaleless_street(6, 3.0);
+    let problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(5)]));
+    let ties: Vec<_> =
+        problem.odometry.iter().map(|&i| problem.problem.relative_poses[i]).collect();
+    // Nothing went before the first one that could say how long its step is.
+    let ties: Vec<_> = ties.iter().filter(|tie| problem.keyframes[tie.i] != id(0)).collect();
+    assert!(ties.len() > 2, "{ties:?}");
+    for tie in ties {
+        let step = tie.i_from_j.translation;
+        assert!((step.norm() - 1.0).abs() < 1e-9, "{step}");
+        let along = step.normalize();
+        let translation = tie.information.matrix().fixed_view::<3, 3>(0, 0).into_owned();
+        let deviation = along.dot(&(translation * along)).sqrt().recip() / step.norm();
+        assert!((0.09..0.2).contains(&deviation), "its length is open: {deviation}");
+        let across = translation.symmetric_eigenvalues().max().sqrt().recip() / step.norm();
+        assert!(across < 0.2 * deviation, "its direction is not: {across}");
+    }
+}
+
+#[test]
+fn noise_learns_nothing_from_lengths_without_metric_scale() {
+    let journal = scaleless_street(12, 3.0);
+    let mut problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(6)]));
+    for pose in problem.problem.poses.iter_mut() {
+        // The map's scale changes by a tenth.
+        pose.translation *= 1.1;
+    }
+    let before = problem.noise[&ROBOT].odometry;
+    problem.learn_odometry_noise();
+    let after = problem.noise[&ROBOT].odometry;
+    assert!(after.translation_share < 1.1 * before.translation_share, "{after:?}");
+}
+
+#[test]
+fn a_keyframe_of_odometry_without_metric_scale_starts_a_step_of_the_map_further() {
+    let mut journal = scaleless_street(12, 3.0);
+    let mut item = street_keyframe(12, pose_at(11.0 + 1.0 / 3.0), &journal.map);
+    if let Item::Keyframe { odom_from_camera, .. } = &mut item {
+        *odom_from_camera = Some(pose_at(4.0));
+    }
+    journal.send(ROBOT, &item).unwrap();
+    let found = journal.map.keyframes().get(&id(12)).unwrap().world_from_camera;
+    assert!(pose_error(&found, &pose_at(12.0)) < 1e-9, "{found:?}");
+}
+
 /// A street whose first four keyframes were moved by `correction`; their landmarks too.
 fn corrected(correction: &Se3) -> Journal {
     let mut journal = street(4, MapPolicy::default());

@@ -280,6 +280,7 @@ impl<'a> Builder<'a> {
         }
         MapProblem {
             odometry: self.odometry,
+            metric_odometry: map.policy().metric_odometry,
             start_noise: noise.clone(),
             noise,
             carried: BTreeSet::new(),

@@ -27,9 +27,10 @@ use covis_solvers::robust::{VarianceFactors, variance_factors};
 use nalgebra::Vector6;
 
 use super::{ClosureEdge, GraphProblem, priors};
-use crate::keyframe_pairs::odometry;
 use crate::numbers::median;
-use crate::{ClientIndex, Constraint, ConstraintKind, EntityId, Gauge, GraphPairs, Map};
+use crate::{
+    ClientIndex, Constraint, ConstraintKind, EntityId, Gauge, GraphPairs, Keyframe, Map, scaling,
+};
 
 /// Translation error over distance.
 const DISTANCE_SHARE: f64 = 0.02;
@@ -107,7 +108,7 @@ fn measured_edges(
         .map(Constraint::pair)
         .collect();
     let by_odometry: Vec<Option<Se3>> =
-        pairs.pairs.iter().map(|&pair| pair_odometry(pairs, pair)).collect();
+        pairs.pairs.iter().map(|&pair| pair_odometry(map, pairs, pair)).collect();
     let median = median_distance(&by_odometry);
     let edge = |((&pair, motion), by_odometry): ((&[usize; 2], &Option<RelativeMotion>), _)| {
         let [a, b] = pair.map(|at| pairs.keyframes[at].0);
@@ -115,7 +116,7 @@ fn measured_edges(
             return None;
         }
         let motion = match motion {
-            Some(motion) => (motion.a_from_b, motion.information),
+            Some(motion) => in_map_scale(map, pairs.keyframes[pair[0]], motion)?,
             None => without_information(by_odometry, median)?,
         };
         Some((pair, motion))
@@ -124,9 +125,25 @@ fn measured_edges(
 }
 
 /// The odometry between two keyframes, where they are of one client.
-fn pair_odometry(pairs: &GraphPairs<'_>, pair: [usize; 2]) -> Option<Se3> {
+fn pair_odometry(map: &Map, pairs: &GraphPairs<'_>, pair: [usize; 2]) -> Option<Se3> {
     let [(a, first), (b, second)] = pair.map(|at| pairs.keyframes[at]);
-    (a.client == b.client).then(|| odometry(first, second))
+    (a.client == b.client).then(|| map.odometry_from((a, first), &second.odom_from_camera))
+}
+
+/// A measured motion in the scale that the map has at its first keyframe. Landmarks without depth were placed
+/// by odometry, which may have another one.
+fn in_map_scale(
+    map: &Map,
+    from: (EntityId, &Keyframe),
+    motion: &RelativeMotion,
+) -> Option<(Se3, Information<6>)> {
+    let has_depth = || from.1.observations.iter().any(|seen| seen.depth.is_some());
+    if map.policy().metric_odometry || has_depth() {
+        return Some((motion.a_from_b, motion.information));
+    }
+    let scale = map.odometry_scale(from.0);
+    let information = scaling::information(scale, &motion.information)?;
+    Some((scaling::pose(scale, &motion.a_from_b), information))
 }
 
 /// The odometry with an information that is in proportion to the motion.

@@ -107,6 +107,7 @@ pub(in crate::service) fn policy(
     Some(MapPolicy {
         local_bundle: m.local_bundle_adjustment.unwrap_or(default.local_bundle),
         odometry: m.odometry.unwrap_or(default.odometry),
+        metric_odometry: m.metric_odometry.unwrap_or(default.metric_odometry),
         loop_closure: m.loop_closure_optimization.unwrap_or(default.loop_closure),
         closure_adjustment: m.closure_adjustment.unwrap_or(default.closure_adjustment),
         place_recognition: m
@@ -202,6 +203,7 @@ pub(in crate::service) fn to_policy(policy: &MapPolicy, queued_items: usize) -> 
         loop_closure_optimization: Some(policy.loop_closure),
         closure_adjustment: Some(policy.closure_adjustment),
         odometry: Some(policy.odometry),
+        metric_odometry: Some(policy.metric_odometry),
         place_recognition: Some(v1::PlaceRecognition { enabled: Some(policy.place_recognition) }),
         max_iteration_count: Some(small(policy.max_local_iterations)),
         limits: Some(to_limits(&policy.limits, queued(policy, queued_items))),

@@ -45,7 +45,7 @@ macro_rules! limit {
     };
 }
 
-const FIELDS: [Field; 23] = [
+const FIELDS: [Field; 24] = [
     field!(observation_loss, observation_loss),
     field!(constraint_loss, constraint_loss),
     field!(window_keyframe_count, window_keyframes),
@@ -54,6 +54,7 @@ const FIELDS: [Field; 23] = [
     field!(loop_closure_optimization, loop_closure),
     field!(closure_adjustment, closure_adjustment),
     field!(odometry, odometry),
+    field!(metric_odometry, metric_odometry),
     Field {
         path: "place_recognition.enabled",
         copy: |from, to| {

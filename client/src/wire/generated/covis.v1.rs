@@ -1646,6 +1646,11 @@ pub struct MapPolicy {
     /// imported from another program's file: its poses are estimates.
     #[prost(bool, optional, tag = "33")]
     pub odometry: ::core::option::Option<bool>,
+    /// Whether odometry measures lengths in the map's unit. That of one camera does not, and its scale drifts:
+    /// with false, each pair of keyframes continues the scale that the map has there, to within 10 % of its way,
+    /// so that views decide. Default true.
+    #[prost(bool, optional, tag = "34")]
+    pub metric_odometry: ::core::option::Option<bool>,
     /// Whether and how the server finds loop closures itself. Default: it does.
     #[prost(message, optional, tag = "32")]
     pub place_recognition: ::core::option::Option<PlaceRecognition>,

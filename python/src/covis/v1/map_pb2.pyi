@@ -198,7 +198,7 @@ class ClientNoise(_message.Message):
     def __init__(self, odometry_translation_share: _Optional[float] = ..., odometry_rotation_rad: _Optional[float] = ..., pixel_factor: _Optional[float] = ..., depth_factor: _Optional[float] = ...) -> None: ...
 
 class MapPolicy(_message.Message):
-    __slots__ = ("observation_loss", "constraint_loss", "window_keyframe_count", "min_shared_landmark_count", "gauge", "local_bundle_adjustment", "loop_closure_optimization", "max_iteration_count", "limits", "loop_closure_robustness", "when_full", "geodetic_anchor", "closure_adjustment", "odometry", "place_recognition")
+    __slots__ = ("observation_loss", "constraint_loss", "window_keyframe_count", "min_shared_landmark_count", "gauge", "local_bundle_adjustment", "loop_closure_optimization", "max_iteration_count", "limits", "loop_closure_robustness", "when_full", "geodetic_anchor", "closure_adjustment", "odometry", "metric_odometry", "place_recognition")
     OBSERVATION_LOSS_FIELD_NUMBER: _ClassVar[int]
     CONSTRAINT_LOSS_FIELD_NUMBER: _ClassVar[int]
     WINDOW_KEYFRAME_COUNT_FIELD_NUMBER: _ClassVar[int]
@@ -213,6 +213,7 @@ class MapPolicy(_message.Message):
     GEODETIC_ANCHOR_FIELD_NUMBER: _ClassVar[int]
     CLOSURE_ADJUSTMENT_FIELD_NUMBER: _ClassVar[int]
     ODOMETRY_FIELD_NUMBER: _ClassVar[int]
+    METRIC_ODOMETRY_FIELD_NUMBER: _ClassVar[int]
     PLACE_RECOGNITION_FIELD_NUMBER: _ClassVar[int]
     observation_loss: _optimization_pb2.Loss
     constraint_loss: _optimization_pb2.Loss
@@ -228,8 +229,9 @@ class MapPolicy(_message.Message):
     geodetic_anchor: _geometry_pb2.GeodeticPosition
     closure_adjustment: bool
     odometry: bool
+    metric_odometry: bool
     place_recognition: PlaceRecognition
-    def __init__(self, observation_loss: _Optional[_Union[_optimization_pb2.Loss, _Mapping]] = ..., constraint_loss: _Optional[_Union[_optimization_pb2.Loss, _Mapping]] = ..., window_keyframe_count: _Optional[int] = ..., min_shared_landmark_count: _Optional[int] = ..., gauge: _Optional[_Union[_optimization_pb2.Gauge, str]] = ..., local_bundle_adjustment: bool = ..., loop_closure_optimization: bool = ..., max_iteration_count: _Optional[int] = ..., limits: _Optional[_Union[MapLimits, _Mapping]] = ..., loop_closure_robustness: _Optional[_Union[_optimization_pb2.ClosureRobustness, _Mapping]] = ..., when_full: _Optional[_Union[WhenFull, str]] = ..., geodetic_anchor: _Optional[_Union[_geometry_pb2.GeodeticPosition, _Mapping]] = ..., closure_adjustment: bool = ..., odometry: bool = ..., place_recognition: _Optional[_Union[PlaceRecognition, _Mapping]] = ...) -> None: ...
+    def __init__(self, observation_loss: _Optional[_Union[_optimization_pb2.Loss, _Mapping]] = ..., constraint_loss: _Optional[_Union[_optimization_pb2.Loss, _Mapping]] = ..., window_keyframe_count: _Optional[int] = ..., min_shared_landmark_count: _Optional[int] = ..., gauge: _Optional[_Union[_optimization_pb2.Gauge, str]] = ..., local_bundle_adjustment: bool = ..., loop_closure_optimization: bool = ..., max_iteration_count: _Optional[int] = ..., limits: _Optional[_Union[MapLimits, _Mapping]] = ..., loop_closure_robustness: _Optional[_Union[_optimization_pb2.ClosureRobustness, _Mapping]] = ..., when_full: _Optional[_Union[WhenFull, str]] = ..., geodetic_anchor: _Optional[_Union[_geometry_pb2.GeodeticPosition, _Mapping]] = ..., closure_adjustment: bool = ..., odometry: bool = ..., metric_odometry: bool = ..., place_recognition: _Optional[_Union[PlaceRecognition, _Mapping]] = ...) -> None: ...
 
 class PlaceRecognition(_message.Message):
     __slots__ = ("enabled",)

@@ -247,6 +247,8 @@ pub struct Policy {
     pub place_recognition: bool,
     #[prost(bool, optional, tag = "24")]
     pub odometry: ::core::option::Option<bool>,
+    #[prost(bool, optional, tag = "25")]
+    pub metric_odometry: ::core::option::Option<bool>,
 }
 impl ::prost::Name for Policy {
     const NAME: &'static str = "Policy";

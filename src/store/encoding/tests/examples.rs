@@ -83,6 +83,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         loop_closure: false,
         closure_adjustment: false,
         odometry: false,
+        metric_odometry: false,
         place_recognition: true,
         window_keyframes: 7,
         min_shared_landmarks: 3,
