@@ -133,6 +133,13 @@ pub struct Depth {
     pub sigma_m: f64,
 }
 
+impl Depth {
+    /// Whether it says where a landmark is, and not only that it is ahead: its deviation is less than itself.
+    pub fn places(&self) -> bool {
+        self.sigma_m < self.depth_m
+    }
+}
+
 /// A landmark seen at a pixel of a keyframe.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observation<Landmark = EntityId> {

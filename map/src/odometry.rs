@@ -34,13 +34,16 @@ use super::{ClientIndex, ConstraintKind, EntityId, Keyframe, Map, MapProblem, sc
 const LEAST_WAY: f64 = 1e-3;
 /// Share of the distance of what a keyframe sees below which its way makes no difference.
 const DISTANCE_SHARE: f64 = 0.02;
+/// Usual steps of a client above which that distance makes no difference: what is far away measures no way,
+/// and odometry does.
+const USUAL_STEPS: f64 = 2.0;
 /// The turn from which on the noise of a rotation grows with it, rad: 5°.
 const TURN: f64 = 0.087;
 /// Deviation of the length of a translation without metric scale, as a share of the way. It holds the scale
 /// where nothing else does; a window of views knows it ten times better.
 const SCALE_SHARE: f64 = 0.1;
-/// Pairs of keyframes that say what scale a map has.
-const SCALE_PAIRS: usize = 15;
+/// Pairs of keyframes that say what scale a map has, and how long a client's steps are.
+const RECENT_PAIRS: usize = 15;
 /// Past this many deviations odometry loses its hold: it jumped, or a wheel slipped.
 pub(super) const LOSS: Loss = Loss::GemanMcClure(10.0);
 /// Weight below which odometry has lost its hold.
@@ -85,14 +88,14 @@ impl OdometryNoise {
         self.pairs > PRIOR_PAIRS
     }
 
-    /// The information of the relative pose of two keyframes, the second of which sees things `distance` away.
+    /// The information of the relative pose of two keyframes, whose way counts as `floor` at least.
     fn information(
         &self,
         relative: &Se3,
-        distance: f64,
+        floor: f64,
         is_metric: bool,
     ) -> Option<Information<6>> {
-        let way = way(relative, distance);
+        let way = way(relative, floor);
         let (along, about) = (self.translation_share * way, self.rotation_rad * turn(relative));
         let deviations = Vector6::new(along, along, along, about, about, about);
         let diagonal = deviations.map(|s| 1.0 / (s * s));
@@ -145,9 +148,9 @@ impl OdometryNoise {
 }
 
 /// The way that the noise of a translation is a share of. A camera that hardly moves is still only known as well
-/// as its views say, which see things at `distance`.
-fn way(relative: &Se3, distance: f64) -> f64 {
-    relative.translation.norm().hypot(LEAST_WAY).hypot(DISTANCE_SHARE * distance)
+/// as its views say.
+fn way(relative: &Se3, floor: f64) -> f64 {
+    relative.translation.norm().hypot(LEAST_WAY).hypot(floor)
 }
 
 /// The direction of a translation as the residual of a relative pose has it, in the second keyframe.
@@ -196,9 +199,12 @@ impl Map {
         let now = self.keyframes().get(&keyframe)?;
         let before_from_keyframe = self.odometry_from((before, previous), &now.odom_from_camera);
         let noise = self.client(keyframe.client)?.noise.odometry;
+        let steps = self.recent_steps(keyframe).map(|(_, by_odometry)| by_odometry);
+        let usual = median(steps.collect()).unwrap_or(0.0);
         let distance = self.view_distance(now).unwrap_or(0.0);
+        let floor = (DISTANCE_SHARE * distance).min(USUAL_STEPS * usual);
         let is_metric = self.policy().metric_odometry;
-        let information = noise.information(&before_from_keyframe, distance, is_metric)?;
+        let information = noise.information(&before_from_keyframe, floor, is_metric)?;
         Some(Tie { before, before_from_keyframe, information })
     }
 
@@ -216,17 +222,20 @@ impl Map {
     /// How much longer the steps to a keyframe are in the map than by odometry, at the median, since odometry
     /// may have begun anew; 1 where there is none.
     pub(super) fn odometry_scale(&self, keyframe: EntityId) -> f64 {
-        let ids = std::iter::successors(Some(keyframe), |&id| Some(self.keyframe_before(id)?.0));
-        let keyframes = ids.filter_map(|id| self.keyframes().get(&id)).take(SCALE_PAIRS + 1);
-        let keyframes: Vec<&Keyframe> = keyframes.collect();
+        let ratios = self.recent_steps(keyframe).map(|(in_map, by_odometry)| in_map / by_odometry);
+        median(ratios.filter(|ratio| ratio.is_normal()).collect()).unwrap_or(1.0)
+    }
+
+    /// How long the last steps to a keyframe and before are, in the map and by odometry.
+    fn recent_steps(&self, keyframe: EntityId) -> impl Iterator<Item = (f64, f64)> {
         let distance = |a: &Se3, b: &Se3| (a.translation - b.translation).norm();
-        let ratio = |pair: &[&Keyframe]| {
-            let in_map = distance(&pair[0].world_from_camera, &pair[1].world_from_camera);
-            let ratio: f64 =
-                in_map / distance(&pair[0].odom_from_camera, &pair[1].odom_from_camera);
-            ratio.is_normal().then_some(ratio)
+        let ids = std::iter::successors(Some(keyframe), |&id| Some(self.keyframe_before(id)?.0));
+        let step = move |id: EntityId| {
+            let (now, (_, before)) = (self.keyframes().get(&id)?, self.keyframe_before(id)?);
+            let in_map = distance(&now.world_from_camera, &before.world_from_camera);
+            Some((in_map, distance(&now.odom_from_camera, &before.odom_from_camera)))
         };
-        median(keyframes.windows(2).filter_map(ratio).collect()).unwrap_or(1.0)
+        ids.map_while(step).take(RECENT_PAIRS)
     }
 
     fn has_own_odometry(&self, a: EntityId, b: EntityId) -> bool {

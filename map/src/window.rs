@@ -196,10 +196,11 @@ pub(super) fn is_well_placed(
     has_parallax
 }
 
-/// Whether an observer measured the landmark's depth.
+/// Whether an observer measured how far the landmark is.
 fn has_depth(map: &Map, id: EntityId, landmark: &Landmark) -> bool {
     landmark.observers.iter().any(|keyframe| {
         let keyframe = map.keyframes().get(keyframe);
-        keyframe.and_then(|k| k.observation_of(id)).is_some_and(|o| o.depth.is_some())
+        let seen = keyframe.and_then(|k| k.observation_of(id));
+        seen.and_then(|seen| seen.depth).is_some_and(|depth| depth.places())
     })
 }

@@ -29,9 +29,9 @@ impl Ray {
         Some(Self { center: view.world_from_camera.translation, direction, in_camera })
     }
 
-    /// The point at the view's measured depth, where it has one.
+    /// The point at the view's measured depth, where it has one that says more than that it is ahead.
     pub(super) fn at_depth(&self, view: &View) -> Option<Vector3<f64>> {
-        let (depth_m, _) = view.depth_m?;
+        let (depth_m, _) = view.depth_m.filter(|(depth_m, sigma_m)| sigma_m < depth_m)?;
         let point_in_camera = self.in_camera * (depth_m / self.in_camera.z);
         (self.in_camera.z > 0.0).then(|| view.world_from_camera.transform(&point_in_camera))
     }

@@ -31,7 +31,8 @@ pub struct View {
     pub pixel: Vector2<f64>,
     /// Standard deviation of u and of v, in pixels.
     pub sigma_px: f64,
-    /// Measured depth and its standard deviation, in meters, where the sensor has one.
+    /// Measured depth and its standard deviation, in meters, where the sensor has one. A deviation of the
+    /// depth itself or more places no point.
     pub depth_m: Option<(f64, f64)>,
 }
 
