@@ -100,8 +100,8 @@ pub use pending_solve::{PendingSolve, SolveRequest};
 pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearches};
 pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
-    ClosureEdge, Compared, FarStart, GlobalOptions, GraphProblem, Held, JudgedPosition, MapProblem,
-    Start, global_problem, local_problem, measured_graph, observation_problem, region_problem,
+    ClosureEdge, Compared, GlobalOptions, GraphProblem, Held, JudgedPosition, MapProblem, Start,
+    global_problem, local_problem, measured_graph, observation_problem, region_problem,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::{redundant_keyframes, retire, retire_redundant};

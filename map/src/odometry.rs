@@ -89,12 +89,7 @@ impl OdometryNoise {
     }
 
     /// The information of the relative pose of two keyframes, whose way counts as `floor` at least.
-    fn information(
-        &self,
-        relative: &Se3,
-        floor: f64,
-        is_metric: bool,
-    ) -> Option<Information<6>> {
+    fn information(&self, relative: &Se3, floor: f64, is_metric: bool) -> Option<Information<6>> {
         let way = way(relative, floor);
         let (along, about) = (self.translation_share * way, self.rotation_rad * turn(relative));
         let deviations = Vector6::new(along, along, along, about, about, about);

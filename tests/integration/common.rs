@@ -312,9 +312,9 @@ pub(crate) fn open_item(map_id: &str, client_id: &str, epoch: i64) -> Item {
 }
 
 /// Focal length, px.
-const FOCAL: f64 = 500.0;
+pub(crate) const FOCAL: f64 = 500.0;
 /// Principal point, px.
-const CENTER: [f64; 2] = [319.5, 239.5];
+pub(crate) const CENTER: [f64; 2] = [319.5, 239.5];
 /// Landmarks of the scene.
 pub(crate) const LANDMARKS: i64 = 60;
 

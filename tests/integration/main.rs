@@ -89,6 +89,7 @@ mod rpc_adjustment;
 mod rpc_bad_input;
 mod rpc_bad_priors;
 mod rpc_compression;
+mod rpc_degenerate;
 mod rpc_edits;
 mod rpc_every_map;
 mod rpc_export;

@@ -10,13 +10,13 @@ use crate::common::{
     Stream, TestServer, camera, check_status, keyframe, observation, relative_pose, run,
 };
 
-fn se3(message: &v1::RigidTransform) -> Se3 {
+pub(crate) fn se3(message: &v1::RigidTransform) -> Se3 {
     let (t, q) = (message.translation.unwrap(), message.rotation.unwrap());
     let rotation = So3::from_quaternion_xyzw(q.x, q.y, q.z, q.w).unwrap();
     Se3::new(rotation, Vector3::new(t.x, t.y, t.z))
 }
 
-fn message(pose: &Se3) -> v1::RigidTransform {
+pub(crate) fn message(pose: &Se3) -> v1::RigidTransform {
     let (t, q) = (&pose.translation, pose.rotation.quaternion());
     v1::RigidTransform {
         translation: Some(v1::Vector3 { x: t.x, y: t.y, z: t.z }),

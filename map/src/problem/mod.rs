@@ -29,7 +29,6 @@ pub use graph::measured_graph;
 pub use plausible::{Held, Start};
 pub use reconstructed::Compared;
 pub use region::region_problem;
-pub use views::FarStart;
 
 /// A bundle adjustment problem with the names of its variables.
 #[derive(Clone, Debug, PartialEq)]

@@ -40,29 +40,16 @@ impl Views {
     }
 }
 
-/// What places a keyframe that starts far off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum FarStart {
-    /// Odometry, which may be right.
-    ByOdometry,
-    /// Nothing but its views.
-    Open,
-}
-
 impl MapProblem {
-    /// What places the free keyframe that starts far off, with more than half of its residuals beyond `width`:
-    /// one that nothing places before others. `None` where none does.
+    /// Whether a free keyframe starts far off, with more than half of its residuals beyond `width`.
     #[must_use]
-    pub fn far_start(&self, width: f64) -> Option<FarStart> {
-        let start = |(pose, views): (usize, Views)| {
+    pub fn starts_far(&self, width: f64) -> bool {
+        let is_far = |views: &Views| {
             let beyond = views.squared.iter().filter(|&&squared| squared > width * width).count();
-            let is_far = beyond as f64 > FAR * views.squared.len() as f64;
-            let is_free = !self.problem.constant_poses[pose];
-            (is_free && is_far).then(|| match self.is_held_by_odometry(pose) {
-                true => FarStart::ByOdometry,
-                false => FarStart::Open,
-            })
+            beyond as f64 > FAR * views.squared.len() as f64
         };
-        Views::of(&self.problem).into_iter().enumerate().filter_map(start).max()
+        let constant = &self.problem.constant_poses;
+        let views = Views::of(&self.problem);
+        views.iter().zip(constant).any(|(views, constant)| !constant && is_far(views))
     }
 }

@@ -13,7 +13,7 @@ use covis_solvers::optimizer::{self, ignore_iterations};
 use covis_solvers::price::Ceiling;
 
 use super::solve::{Moved, OptimizeOptions, Outcome, Solution, solve_bundle};
-use crate::map::{FarStart, Held, MapProblem};
+use crate::map::{Held, MapProblem};
 
 /// How a window is solved.
 pub(super) struct WindowOptions {
@@ -61,8 +61,9 @@ pub(super) fn solve_window(
 }
 
 /// Bundle adjustment by a loss that may let go of what does not fit. From a far start that would be nearly
-/// everything; there the convex loss of the same width comes first. Where odometry says that the start is not
-/// far, of both minima the lower one counts.
+/// everything; there the convex loss of the same width comes first. Where odometry ties poses a few wrong views
+/// look like a far start, too, and the convex loss follows them: of both minima the lower one counts. Without
+/// odometry the lower one may be that which lets go of everything.
 fn solve_graduated(
     problem: MapProblem,
     options: &OptimizeOptions,
@@ -73,20 +74,16 @@ fn solve_graduated(
         Loss::GemanMcClure(width) | Loss::Tukey(width) | Loss::Cauchy(width) => Some(width),
         Loss::Trivial | Loss::Huber(_) => None,
     };
-    let Some((width, far)) = width.and_then(|width| Some((width, problem.far_start(width)?)))
-    else {
+    let Some(width) = width.filter(|&width| problem.starts_far(width)) else {
         return solve_bundle(problem, options, cancel, &mut ignore_iterations);
     };
     let before = bundle_cost(&problem.problem);
-    let direct = match far {
-        FarStart::Open => None,
-        FarStart::ByOdometry => {
-            let direct = solve_bundle(problem.clone(), options, cancel, &mut ignore_iterations);
-            match direct {
-                Ok(Some(direct)) => Some(direct),
-                other => return other,
-            }
-        }
+    let direct = match problem.odometry.is_empty() {
+        true => None,
+        false => match solve_bundle(problem.clone(), options, cancel, &mut ignore_iterations) {
+            Ok(Some(direct)) => Some(direct),
+            other => return other,
+        },
     };
     let mut convex = problem;
     convex.problem.observation_loss = Loss::Huber(width);
