@@ -1,4 +1,4 @@
-//! How the poses of a problem see their landmarks, at the present values: which of them start far off, and
+//! How the poses of a problem see their landmarks, at the present values: which of them are far off, and
 //! what the check of a result compares. Nothing is solved here.
 
 use covis_solvers::problem::BundleProblem;
@@ -41,9 +41,9 @@ impl Views {
 }
 
 impl MapProblem {
-    /// Whether a free keyframe starts far off, with more than half of its residuals beyond `width`.
+    /// Whether a free keyframe is far off, with more than half of its residuals beyond `width`.
     #[must_use]
-    pub fn starts_far(&self, width: f64) -> bool {
+    pub fn is_far_off(&self, width: f64) -> bool {
         let is_far = |views: &Views| {
             let beyond = views.squared.iter().filter(|&&squared| squared > width * width).count();
             beyond as f64 > FAR * views.squared.len() as f64

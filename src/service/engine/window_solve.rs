@@ -62,8 +62,9 @@ pub(super) fn solve_window(
 
 /// Bundle adjustment by a loss that may let go of what does not fit. From a far start that would be nearly
 /// everything; there the convex loss of the same width comes first. Where odometry ties poses a few wrong views
-/// look like a far start, too, and the convex loss follows them: of both minima the lower one counts. Without
-/// odometry the lower one may be that which lets go of everything.
+/// look like a far start, too, and the convex loss follows them: it is only tried where the other leaves a
+/// keyframe far off, and of both minima the lower one counts. Without odometry the lower one may be that which lets
+/// go of everything.
 fn solve_graduated(
     problem: MapProblem,
     options: &OptimizeOptions,
@@ -74,15 +75,15 @@ fn solve_graduated(
         Loss::GemanMcClure(width) | Loss::Tukey(width) | Loss::Cauchy(width) => Some(width),
         Loss::Trivial | Loss::Huber(_) => None,
     };
-    let Some(width) = width.filter(|&width| problem.starts_far(width)) else {
+    let Some(width) = width.filter(|&width| problem.is_far_off(width)) else {
         return solve_bundle(problem, options, cancel, &mut ignore_iterations);
     };
     let before = bundle_cost(&problem.problem);
     let direct = match problem.odometry.is_empty() {
         true => None,
         false => match solve_bundle(problem.clone(), options, cancel, &mut ignore_iterations) {
-            Ok(Some(direct)) => Some(direct),
-            other => return other,
+            Ok(Some(direct)) if is_far_off(&direct, width) => Some(direct),
+            near => return near,
         },
     };
     let mut convex = problem;
@@ -104,4 +105,8 @@ fn solve_graduated(
         }
         (_, outcome) => outcome,
     }
+}
+
+fn is_far_off(solution: &Solution, width: f64) -> bool {
+    matches!(&solution.moved, Moved::Bundle(solved) if solved.is_far_off(width))
 }
