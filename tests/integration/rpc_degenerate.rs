@@ -37,27 +37,35 @@ enum Case {
     OneTime,
 }
 
+/// Landmark, pixel, depth and its deviation.
+type View = (i64, [f64; 2], f64, f64);
+
 struct Drive {
     truth: Vec<Se3>,
     odometry: Vec<Se3>,
-    /// Of each keyframe: landmark, pixel, depth and its deviation.
-    views: Vec<Vec<(i64, [f64; 2], f64, f64)>>,
+    /// What each keyframe sees.
+    views: Vec<Vec<View>>,
 }
 
 fn drive(case: Case) -> Drive {
     let mut rng = seeded(7);
-    let place = |point: Vector3<f64>| match case {
-        Case::Planar => Vector3::new(1.5 * point.x, 2.0 * point.y, 20.0),
-        _ => point,
+    let place = |point: Vector3<f64>| match case == Case::Planar {
+        true => Vector3::new(1.5 * point.x, 2.0 * point.y, 20.0),
+        false => point,
     };
     let landmarks: Vec<Vector3<f64>> = (0..900)
         .map(|_| uniform_vector::<3>(&mut rng, 1.0))
         .map(|unit| place(Vector3::new(6.0 * unit.x, 2.5 * unit.y, 21.0 + 19.0 * unit.z)))
         .collect();
-    let step = |k: usize| match case {
-        Case::Rotation if k > GOOD => (Vector3::zeros(), 0.14),
-        Case::Stopped if k > GOOD => (Vector3::zeros(), 0.0),
-        _ => (0.4 * Vector3::z(), 0.017),
+    let step = |k: usize| {
+        let is_bad = k > GOOD;
+        if is_bad && case == Case::Rotation {
+            (Vector3::zeros(), 0.14)
+        } else if is_bad && case == Case::Stopped {
+            (Vector3::zeros(), 0.0)
+        } else {
+            (0.4 * Vector3::z(), 0.017)
+        }
     };
     let (mut truth, mut odometry) = (vec![Se3::identity()], vec![Se3::identity()]);
     for k in 1..KEYFRAMES {
@@ -99,12 +107,20 @@ fn drive(case: Case) -> Drive {
                 views.push((id, pixel.into(), depth, sigma));
             }
         }
-        match case {
-            Case::OneLandmark if is_bad => views.truncate(1),
-            Case::Nothing if is_bad => views.clear(),
-            _ => views.truncate(80),
-        }
-        seen_before.extend(views.iter().map(|view: &(i64, _, _, _)| view.0));
+        views.truncate(match case {
+            Case::OneLandmark if is_bad => 1,
+            Case::Nothing if is_bad => 0,
+            Case::OneLandmark
+            | Case::Nothing
+            | Case::Healthy
+            | Case::Far
+            | Case::Behind
+            | Case::Planar
+            | Case::Rotation
+            | Case::Stopped
+            | Case::OneTime => 80,
+        });
+        seen_before.extend(views.iter().map(|view: &View| view.0));
         views
     });
     let views = views.collect();

@@ -45,7 +45,7 @@ pub struct MapProblem {
     pub landmarks: Vec<EntityId>,
     /// The relative poses that odometry measured, by their place in the problem.
     pub odometry: Vec<usize>,
-    /// Whether they measure lengths, see [`MapPolicy::metric_odometry`].
+    /// Whether they measure lengths, see [`MapPolicy::metric_odometry`](crate::MapPolicy::metric_odometry).
     pub metric_odometry: bool,
     /// How uncertain what its clients send counts as; [`MapProblem::learn_odometry_noise`] and
     /// [`MapProblem::learn_view_noise`] change it.
