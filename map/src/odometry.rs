@@ -91,8 +91,8 @@ impl OdometryNoise {
     /// The information of the relative pose of two keyframes, whose way counts as `floor` at least.
     fn information(&self, relative: &Se3, floor: f64, is_metric: bool) -> Option<Information<6>> {
         let way = way(relative, floor);
-        let (along, about) = (self.translation_share * way, self.rotation_rad * turn(relative));
-        let deviations = Vector6::new(along, along, along, about, about, about);
+        let (shift, angle) = (self.translation_share * way, self.rotation_rad * turn(relative));
+        let deviations = Vector6::new(shift, shift, shift, angle, angle, angle);
         let diagonal = deviations.map(|s| 1.0 / (s * s));
         let mut information = SMatrix::<f64, 6, 6>::from_diagonal(&diagonal);
         if let Some(direction) = direction(relative).filter(|_| !is_metric) {

@@ -4,8 +4,8 @@
 //! count, then the more recent, then the lower id; and those that see nothing beside one of these. The
 //! window's landmarks are those that the free keyframes see; the other keyframes that see most of them
 //! (`rim`) are held fixed and so tie the window to the rest of the map. A keyframe that the map's gauge holds
-//! (`gauge`) is fixed too, wherever it is in the window. If nothing would be fixed, the keyframe that arrived first is; the scale of a monocular
-//! window is then still free, and the damping of the solver holds it.
+//! (`gauge`) is fixed too, wherever it is in the window. If nothing would be fixed, the keyframe that arrived
+//! first is; the scale of a monocular window is then still free, and the damping of the solver holds it.
 //!
 //! If two rays meet at less than about 1°, noise determines the depth of a point: a window would move
 //! it far away or behind a camera, and neither later keyframes nor a solve of the whole map would

@@ -1,5 +1,5 @@
-//! Drives whose second half degenerates: nothing to see, things that tell of no motion, motions that tell of
-//! no place. Whatever it is, no keyframe ends much farther from the truth than odometry alone does.
+//! Drives whose second half degenerates: nothing is seen, views determine no motion, or a motion determines no
+//! landmark. Whatever it is, no keyframe ends much farther from the truth than odometry alone does.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -163,7 +163,7 @@ impl Drive {
     }
 }
 
-/// Sends a drive into a map of its own and returns the farthest that a keyframe of it is off, in m.
+/// Sends a drive into a map of its own. Returns how far off its farthest keyframe is, and that of the odometry, m.
 async fn farthest(server: &TestServer, case: Case, with_depth: bool, unit: f64) -> (f64, f64) {
     let drive = drive(case);
     let map_id = format!("{case:?}-{with_depth}-{}", unit.log10()).to_lowercase();
