@@ -74,7 +74,7 @@ pub struct MapPolicy {
     pub closure_adjustment: bool,
     /// Whether the server looks for places that keyframes show again, and adds loop closures (true).
     pub place_recognition: bool,
-    /// Keyframes that local bundle adjustment frees (20).
+    /// Keyframes that local bundle adjustment frees (20); twice as many where `odometry` is false.
     pub window_keyframes: usize,
     /// How loop-closure constraints are judged (truncated least squares, 99 % quantile). Frontends
     /// sometimes propose false closures, and one that is accepted distorts a map permanently: later

@@ -239,6 +239,17 @@ fn place(problem: &MapProblem, keyframe: i64) -> usize {
 }
 
 #[test]
+fn a_window_without_odometry_reaches_past_those_that_see_the_same() {
+    let free = |odometry| {
+        let journal = street(12, MapPolicy { odometry, ..MapPolicy::default() });
+        let window = choose_window(&journal.map, &[id(11)]);
+        window.free.iter().map(|id| id.id).collect::<Vec<_>>()
+    };
+    assert_eq!(free(true), [8, 9, 10, 11], "a keyframe shares corners with three before it");
+    assert_eq!(free(false), (1..12).collect::<Vec<_>>(), "the whole way, as its first is held");
+}
+
+#[test]
 fn a_result_that_is_the_start_is_plausible_and_so_is_one_that_views_determine() {
     let (mut problem, start) = last_window(MapPolicy::default());
     assert_eq!(problem.implausible(&start), []);
@@ -266,7 +277,8 @@ fn a_camera_beyond_what_it_sees_is_not_plausible() {
 
 #[test]
 fn a_keyframe_that_goes_far_along_what_nothing_measures_is_not_plausible() {
-    let (mut problem, _) = last_window(MapPolicy { odometry: false, ..MapPolicy::default() });
+    let (mut problem, _) =
+        last_window(MapPolicy { odometry: false, window_keyframes: 2, ..MapPolicy::default() });
     let last = place(&problem, 5);
     // Its landmarks go with it, and no other keyframe sees them.
     let seen = problem.problem.observations();

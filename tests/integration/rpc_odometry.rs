@@ -1,13 +1,17 @@
 //! `map_from_odom`, the frame in which a client tracks, and keyframes that have no camera.
 
+use std::collections::BTreeSet;
+
 use covis::wire::v1;
 use covis_solvers::geometry::{LieGroup, Se3, So3};
+use covis_solvers::testing::random::{normal_vector, seeded, uniform_vector};
 use nalgebra::{Vector3, Vector6};
 use tonic::Code;
 use v1::ingest_request::Item;
 
 use crate::common::{
-    Stream, TestServer, camera, check_status, keyframe, observation, relative_pose, run,
+    CENTER, FOCAL, Stream, TestServer, camera, check_status, keyframe, observation, relative_pose,
+    run,
 };
 
 pub(crate) fn se3(message: &v1::RigidTransform) -> Se3 {
@@ -167,5 +171,83 @@ fn a_keyframe_needs_a_camera_only_for_observations() {
             assert!(status.message().contains("robot/2"), "{}", status.message());
         }
         export(v1::MapFormat::Tum).await.unwrap();
+    });
+}
+
+/// Keyframes of a way that is long enough to see whether it bends.
+const WAY: usize = 400;
+
+/// Keyframes half a meter apart that look ahead, along a way with landmarks on both sides, of which each sees a
+/// quarter of those 6 to 16 m ahead. Poses and landmarks are true, pixels off by 0.05 px.
+fn along_a_way(count: usize) -> Vec<v1::Keyframe> {
+    let mut rng = seeded(1);
+    let length = 0.5 * count as f64 + 20.0;
+    let places: Vec<Vector3<f64>> = (0..12 * count)
+        .map(|_| uniform_vector::<3>(&mut rng, 1.0))
+        .map(|at| {
+            let side = 6.0 + 6.0 * at.x.abs();
+            Vector3::new(side.copysign(at.x), 1.5 + 3.5 * at.y, 0.5 * length * (1.0 + at.z))
+        })
+        .collect();
+    let mut known = BTreeSet::new();
+    let keyframe = |k: usize| {
+        let at = Vector3::new(0.0, 0.0, 0.5 * k as f64);
+        let mut is_seen = |&(_, place): &(usize, &Vector3<f64>)| {
+            let is_found = uniform_vector::<1>(&mut rng, 1.0).x < -0.5;
+            is_found && (6.0..16.0).contains(&(place - at).z)
+        };
+        let seen: Vec<_> = places.iter().enumerate().filter(&mut is_seen).collect();
+        let observations = seen.iter().map(|&(id, place)| {
+            let (ahead, noise) = (place - at, normal_vector::<2>(&mut rng, 0.05));
+            v1::Observation {
+                landmark: Some(v1::LandmarkRef { id: id as i64, ..Default::default() }),
+                pixel: Some(v1::Vector2 {
+                    x: FOCAL * ahead.x / ahead.z + CENTER[0] + noise.x,
+                    y: FOCAL * ahead.y / ahead.z + CENTER[1] + noise.y,
+                }),
+                ..Default::default()
+            }
+        });
+        let observations = observations.collect();
+        let new = seen.iter().filter(|seen| known.insert(seen.0));
+        let position = |p: &Vector3<f64>| Some(v1::Vector3 { x: p.x, y: p.y, z: p.z });
+        let landmarks = new.map(|&(id, place)| v1::Landmark {
+            id: id as i64,
+            point_in_world: position(place),
+            ..Default::default()
+        });
+        v1::Keyframe {
+            id: k as i64,
+            capture_time: Some(prost_types::Timestamp { seconds: 100 + k as i64, nanos: 0 }),
+            sensor: Some(v1::keyframe::Sensor::CameraId(0)),
+            world_from_camera: Some(message(&Se3::new(So3::identity(), at))),
+            observations,
+            landmarks: landmarks.collect(),
+            ..Default::default()
+        }
+    };
+    (0..count).map(keyframe).collect()
+}
+
+#[test]
+fn a_way_that_only_views_measure_does_not_bend() {
+    run(async {
+        let server = TestServer::lock_step().await;
+        let policy = v1::MapPolicy { odometry: Some(false), ..Default::default() };
+        server.create_map_with("room", policy).await;
+        let (mut stream, _) = Stream::open(&server, "room", "robot", 0).await;
+        let wide = v1::Camera { width_px: 1500, height_px: 1500, ..camera(0) };
+        stream.put(1, Item::Camera(wide)).await;
+        for (k, keyframe) in (2..).zip(along_a_way(WAY)) {
+            let ack = stream.put(k, Item::Keyframe(keyframe)).await;
+            assert!(ack.violations.is_empty(), "{ack:?}");
+        }
+        stream.finish().await.unwrap();
+        let off = |(k, pose): &(i64, Se3)| {
+            (pose.translation - Vector3::new(0.0, 0.0, 0.5 * *k as f64)).norm()
+        };
+        let poses = poses(&server).await;
+        let farthest = poses.iter().map(off).fold(0.0, f64::max);
+        assert!(farthest < 0.001 * 0.5 * WAY as f64, "{farthest} m");
     });
 }

@@ -1604,7 +1604,7 @@ pub struct MapPolicy {
     /// Loss of relative-pose constraints that carry none of their own. Default trivial.
     #[prost(message, optional, tag = "2")]
     pub constraint_loss: ::core::option::Option<Loss>,
-    /// Keyframes that local bundle adjustment frees, 2 to 200. Default 20.
+    /// Keyframes that local bundle adjustment frees, 2 to 200; twice as many where odometry is false. Default 20.
     #[prost(int32, optional, tag = "3")]
     pub window_keyframe_count: ::core::option::Option<i32>,
     /// Landmarks that two keyframes must share to be neighbors in the covisibility graph, 1 to 1000.
