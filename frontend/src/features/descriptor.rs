@@ -5,21 +5,36 @@
 //! Calonder et al. 2010), after the pairs were turned by the patch's orientation: the direction from
 //! its center to its intensity centroid, (m10, m01) = Σ (x, y) I(x, y) over a disk.
 //!
+//! A depth camera knows how far a point is, so the patch has one size in the world instead of one in the
+//! image: its radius is 0.114 m, from 15 px to 60 px. What comes nearer looks the same, and a patch of 15 px
+//! that shows little is no more than noise. The sizes are quarters of octaves of an image pyramid.
+//!
 //! Descriptors are kept in maps and compared with those of later versions. So the pairs come from a
 //! generator of our own, and all that decides a bit is computed in integers: the bits of a point do
 //! not depend on platform, version or compiler. They must not change.
 
-use std::f64::consts::TAU;
+use std::cell::OnceCell;
+use std::f64::consts::{SQRT_2, TAU};
 use std::sync::OnceLock;
 
 use super::splitmix::SplitMix64;
 use crate::image::Image;
+use crate::pyramid::{Pyramid, to_level};
 
 /// Bits of a descriptor.
 const BITS: usize = 256;
 
-/// Radius in pixels of the disk that is looked at.
+/// Radius in pixels of the smallest disk that is looked at.
 const RADIUS: i32 = 15;
+
+/// The radius in the world, m.
+const RADIUS_M: f64 = 0.114;
+
+/// Sizes of an octave.
+const SIZES: usize = 4;
+
+/// The largest size: two octaves above the smallest.
+const LARGEST: usize = 2 * SIZES;
 
 /// Directions that an orientation is rounded to: 11.25° apart, ORB has 12°.
 const DIRECTIONS: usize = 32;
@@ -53,36 +68,67 @@ impl Descriptor {
     }
 }
 
-/// Describes points of one image.
-pub struct Describer {
-    /// In 1/256 of a gray value: what is nearly flat still has an order.
-    smoothed: Image<u16>,
+/// How large the patch around a point is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size(usize);
+
+impl Size {
+    /// A radius of 15 px.
+    pub const SMALLEST: Self = Self(0);
+
+    /// The size of what is `z_m` meters away, for a focal length in pixels.
+    #[must_use]
+    pub fn at(z_m: f64, focal_px: f64) -> Self {
+        let scale = focal_px * RADIUS_M / (z_m * f64::from(RADIUS));
+        // Half a size from one to the next: by square roots, which all platforms compute alike.
+        let (size, half) = (SQRT_2.sqrt(), SQRT_2.sqrt().sqrt());
+        let mut bound = half;
+        let mut nearest = 0;
+        while nearest < LARGEST && scale > bound {
+            bound *= size;
+            nearest += 1;
+        }
+        Self(nearest)
+    }
 }
 
-impl Describer {
-    /// Smooths the image, once for all of its points.
+/// Describes points of one image.
+pub struct Describer<'a> {
+    pyramid: &'a Pyramid,
+    /// Octaves, in 1/256 of a gray value: what is nearly flat still has an order.
+    smoothed: [OnceCell<Image<u16>>; LARGEST / SIZES + 1],
+}
+
+impl<'a> Describer<'a> {
+    /// A describer of the points of an image. A level is smoothed once for all of them.
     #[must_use]
-    pub fn new(image: &Image<u8>) -> Self {
-        Self { smoothed: smooth(image) }
+    pub fn new(pyramid: &'a Pyramid) -> Self {
+        Self { pyramid, smoothed: Default::default() }
     }
 
-    /// The descriptor of the pixel nearest to (u, v); `None` less than 15 px from the rim, or where
+    /// The descriptor of the pixel nearest to (u, v); `None` where the patch leaves the image, or where
     /// a coordinate is not finite.
     #[must_use]
-    pub fn describe(&self, u: f32, v: f32) -> Option<Descriptor> {
-        let radius = RADIUS as usize;
+    pub fn describe(&self, u: f32, v: f32, size: Size) -> Option<Descriptor> {
+        let octave = size.0 / SIZES;
+        if octave >= self.pyramid.level_count() {
+            return None;
+        }
+        let smoothed = self.smoothed.get(octave)?;
+        let smoothed = smoothed.get_or_init(|| smooth(self.pyramid.level(octave)));
+        let table = &tables()[size.0 % SIZES];
+        let radius = table.half_widths.len() / 2;
         let inside = |at: f32, size: usize| {
-            let nearest = at.round();
+            let nearest = to_level(f64::from(at), octave).round();
             // A comparison with NaN is false.
-            let fits = nearest >= RADIUS as f32 && nearest <= size as f32 - 1.0 - RADIUS as f32;
+            let fits = nearest >= radius as f64 && nearest + radius as f64 <= size as f64 - 1.0;
             fits.then_some(nearest as usize)
         };
-        let (width, height) = self.smoothed.size();
+        let (width, height) = smoothed.size();
         let (u, v) = (inside(u, width)?, inside(v, height)?);
 
-        let table = table();
-        let pairs = &table.pairs[self.direction(table, u, v)];
-        let patch = &self.smoothed.pixels()[(v - radius) * width + u - radius..];
+        let pairs = &table.pairs[direction(smoothed, table, u, v)];
+        let patch = &smoothed.pixels()[(v - radius) * width + u - radius..];
         let at = |x: u8, y: u8| patch[usize::from(y) * width + usize::from(x)];
         let mut words = [0; 4];
         for (word, pairs) in words.iter_mut().zip(pairs.chunks_exact(64)) {
@@ -92,33 +138,33 @@ impl Describer {
         }
         Some(Descriptor(words))
     }
-
-    /// Index of the direction nearest to the intensity centroid's; 0 where it has none.
-    fn direction(&self, table: &Table, u: usize, v: usize) -> usize {
-        let radius = RADIUS as usize;
-        let (mut m10, mut m01) = (0_i64, 0_i64);
-        for (row, &half) in table.half_widths.iter().enumerate() {
-            let pixels = &self.smoothed.row(v + row - radius)[u - half..=u + half];
-            let (mut sum, mut moment) = (0_i32, 0_i32);
-            for (column, &pixel) in pixels.iter().enumerate() {
-                sum += i32::from(pixel);
-                moment += i32::from(pixel) * column as i32;
-            }
-            m10 += i64::from(moment - half as i32 * sum);
-            m01 += i64::from(sum * (row as i32 - RADIUS));
-        }
-        let mut best = (0, i64::MIN);
-        for (index, [cos, sin]) in table.directions.iter().enumerate() {
-            let along = m10 * cos + m01 * sin;
-            if along > best.1 {
-                best = (index, along);
-            }
-        }
-        best.0
-    }
 }
 
-/// What is the same for all images.
+/// Index of the direction nearest to the intensity centroid's; 0 where it has none.
+fn direction(smoothed: &Image<u16>, table: &Table, u: usize, v: usize) -> usize {
+    let radius = table.half_widths.len() / 2;
+    let (mut m10, mut m01) = (0_i64, 0_i64);
+    for (row, &half) in table.half_widths.iter().enumerate() {
+        let pixels = &smoothed.row(v + row - radius)[u - half..=u + half];
+        let (mut sum, mut moment) = (0_i32, 0_i32);
+        for (column, &pixel) in pixels.iter().enumerate() {
+            sum += i32::from(pixel);
+            moment += i32::from(pixel) * column as i32;
+        }
+        m10 += i64::from(moment - half as i32 * sum);
+        m01 += i64::from(sum * (row as i32 - radius as i32));
+    }
+    let mut best = (0, i64::MIN);
+    for (index, [cos, sin]) in table.directions.iter().enumerate() {
+        let along = m10 * cos + m01 * sin;
+        if along > best.1 {
+            best = (index, along);
+        }
+    }
+    best.0
+}
+
+/// What is the same for all patches of a size.
 struct Table {
     /// (cos, sin) of each direction in units of 2^-20.
     directions: Vec<[i64; 2]>,
@@ -129,35 +175,43 @@ struct Table {
     half_widths: Vec<usize>,
 }
 
-fn table() -> &'static Table {
-    static TABLE: OnceLock<Table> = OnceLock::new();
-    TABLE.get_or_init(|| {
+/// Of each size of an octave.
+fn tables() -> &'static [Table] {
+    static TABLES: OnceLock<Vec<Table>> = OnceLock::new();
+    TABLES.get_or_init(|| {
         let upright = upright_pairs();
-        let units = |index: usize| (TAU * index as f64 / DIRECTIONS as f64).sin_cos();
-        let turned = |index: usize| {
-            let (sin, cos) = units(index);
-            let turn = |x: f64, y: f64| {
-                let rounded =
-                    |value: f64| (value.round() as i32 + RADIUS).clamp(0, 2 * RADIUS) as u8;
-                [rounded(cos * x - sin * y), rounded(sin * x + cos * y)]
-            };
-            let turn_pair = |&[x1, y1, x2, y2]: &[f64; 4]| {
-                let ([x1, y1], [x2, y2]) = (turn(x1, y1), turn(x2, y2));
-                [x1, y1, x2, y2]
-            };
-            upright.iter().map(turn_pair).collect()
-        };
-        let fixed = |index: usize| {
-            let (sin, cos) = units(index);
-            [cos, sin].map(|value| (value * f64::from(1 << 20)).round() as i64)
-        };
-        let half_width = |y: i32| f64::from(RADIUS * RADIUS - y * y).sqrt() as usize;
-        Table {
-            directions: (0..DIRECTIONS).map(fixed).collect(),
-            pairs: (0..DIRECTIONS).map(turned).collect(),
-            half_widths: (-RADIUS..=RADIUS).map(half_width).collect(),
-        }
+        let size = SQRT_2.sqrt();
+        let scales = std::iter::successors(Some(1.0), |scale| Some(scale * size));
+        scales.take(SIZES).map(|scale| table(&upright, scale)).collect()
     })
+}
+
+fn table(upright: &[[f64; 4]], scale: f64) -> Table {
+    let radius = (scale * f64::from(RADIUS)).round() as i32;
+    let units = |index: usize| (TAU * index as f64 / DIRECTIONS as f64).sin_cos();
+    let turned = |index: usize| {
+        let (sin, cos) = units(index);
+        let turn = |x: f64, y: f64| {
+            let (x, y) = (scale * x, scale * y);
+            let rounded = |value: f64| (value.round() as i32 + radius).clamp(0, 2 * radius) as u8;
+            [rounded(cos * x - sin * y), rounded(sin * x + cos * y)]
+        };
+        let turn_pair = |&[x1, y1, x2, y2]: &[f64; 4]| {
+            let ([x1, y1], [x2, y2]) = (turn(x1, y1), turn(x2, y2));
+            [x1, y1, x2, y2]
+        };
+        upright.iter().map(turn_pair).collect()
+    };
+    let fixed = |index: usize| {
+        let (sin, cos) = units(index);
+        [cos, sin].map(|value| (value * f64::from(1 << 20)).round() as i64)
+    };
+    let half_width = |y: i32| f64::from(radius * radius - y * y).sqrt() as usize;
+    Table {
+        directions: (0..DIRECTIONS).map(fixed).collect(),
+        pairs: (0..DIRECTIONS).map(turned).collect(),
+        half_widths: (-radius..=radius).map(half_width).collect(),
+    }
 }
 
 /// The pairs (x1, y1, x2, y2) for an orientation along +x: both points normal around the center,

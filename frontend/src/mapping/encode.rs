@@ -10,8 +10,9 @@ use crate::features::descriptor::Descriptor;
 use crate::pipeline::relocalization::Feature;
 use crate::tracking::keyframe::{NewKeyframe, NewObservation};
 
-/// The name of the frontend's descriptors.
-const DESCRIPTOR: &str = "covis-brief-256";
+/// The name of the frontend's descriptors, of patches that have one size in the world. Those of earlier
+/// versions had one in the image, "covis-brief-256".
+const DESCRIPTOR: &str = "covis-brief-256-metric";
 
 /// The camera with its image size.
 pub(super) fn camera(id: i64, camera: &FrameCamera) -> v1::Camera {

@@ -17,7 +17,7 @@ use super::pose::{FEW_INLIERS, match_map};
 use super::{COASTING_RESIDUAL, CurrentFrame, LastFrame, Motion, Pipeline, State};
 use crate::depth;
 use crate::features::corners::CornerOptions;
-use crate::features::descriptor::{Describer, Descriptor};
+use crate::features::descriptor::{Describer, Descriptor, Size};
 use crate::local_map::CameraPose;
 use crate::tracking::local_matching::CurrentView;
 use crate::tracking::surfaces::Surfaces;
@@ -168,9 +168,11 @@ fn lost_frame(
 
 /// The corners of a frame that lie on surfaces.
 fn features(view: &CurrentView<'_>) -> Vec<Feature> {
-    let describer = Describer::new(view.pyramid.level(0));
+    let describer = Describer::new(view.pyramid);
+    let focal_px = view.camera.model().fx;
     let feature = |(pixel, z): (Vector2<f64>, f64)| {
-        let descriptor = describer.describe(pixel.x as f32, pixel.y as f32)?;
+        let size = Size::at(z, focal_px);
+        let descriptor = describer.describe(pixel.x as f32, pixel.y as f32, size)?;
         let depth_m = (z, depth::sigma_m(z));
         Some(Feature { pixel, sigma_px: SIGMA_PX, depth_m, descriptor })
     };

@@ -9,8 +9,8 @@ use nalgebra::{Vector2, Vector3};
 use super::local_matching::{CurrentView, Match, SIGMA_PX};
 use crate::depth;
 use crate::features::corners::CornerOptions;
-use crate::features::descriptor::{Describer, Descriptor};
-use crate::local_map::{CameraPose, LocalMap, MapKeyframe};
+use crate::features::descriptor::{Describer, Descriptor, Size};
+use crate::local_map::{CameraPose, LocalMap, MapKeyframe, MapLandmark};
 use crate::pyramid::Pyramid;
 
 /// Width of the image border without landmarks, pixels: a patch must fit into the image.
@@ -106,13 +106,18 @@ pub fn add_keyframe(
         id: reference.id,
         world_from_camera: reference.world_from_camera,
     });
-    let describer = Describer::new(view.pyramid.level(0));
-    let describe = |pixel: &Vector2<f64>| describer.describe(pixel.x as f32, pixel.y as f32);
+    let describer = Describer::new(view.pyramid);
+    let focal_px = view.camera.model().fx;
+    let describe = |pixel: &Vector2<f64>, z: f64| {
+        describer.describe(pixel.x as f32, pixel.y as f32, Size::at(z, focal_px))
+    };
     let mut observations = Vec::with_capacity(matches.len());
     let mut observed = Vec::with_capacity(matches.len());
     let mut landmarks = Vec::new();
     for seen in matches {
-        let (landmark, descriptor) = (map.landmarks[seen.landmark].id, describe(&seen.pixel));
+        let MapLandmark { id: landmark, point_in_world, .. } = &map.landmarks[seen.landmark];
+        let z = world_from_camera.inverse_transform(point_in_world).z;
+        let (landmark, descriptor) = (*landmark, describe(&seen.pixel, z));
         observed.push((seen.landmark, seen.pixel));
         observations.push(NewObservation { landmark, seen: *seen, descriptor });
     }
@@ -120,7 +125,7 @@ pub fn add_keyframe(
         let ray = view.shutter.ray(view.camera, &pixel);
         let point_in_world = world_from_camera.transform(&(ray * z));
         let straight = view.shutter.straightened(view.camera, &pixel);
-        let descriptor = describe(&pixel);
+        let descriptor = describe(&pixel, z);
         let index = map.add_landmark(point_in_world);
         let landmark = map.landmarks[index].id;
         landmarks.push(NewLandmark { id: landmark, point_in_world });

@@ -1,27 +1,39 @@
-//! What a descriptor must survive: rotation, a change of exposure, noise; and that it never changes.
+//! What a descriptor must survive: rotation, another distance, a change of exposure, noise; and that it never
+//! changes.
+
+use std::f64::consts::SQRT_2;
 
 use super::super::corners::{CornerOptions, detect};
-use super::super::descriptor::{Describer, Descriptor};
+use super::super::descriptor::{Describer, Descriptor, Size};
 use super::super::splitmix::SplitMix64;
 use super::{normal, render, texture};
 use crate::image::Image;
+use crate::pyramid::Pyramid;
 
 const SIZE: (usize, usize) = (320, 240);
+const PLAIN: [Size; 2] = [Size::SMALLEST; 2];
 
 /// Corners of the plain texture that have a descriptor in both images; `moved` is where they are
-/// in the second. Returns how many there are and the shares of them that are matched and that are
+/// in the second, where patches have the second of the two sizes. Returns how many there are and the shares of them that are matched and that are
 /// matched rightly.
-fn rates(second: &Image<u8>, moved: impl Fn(f64, f64) -> (f64, f64)) -> (usize, f64, f64) {
+fn rates(
+    second: &Image<u8>,
+    sizes: [Size; 2],
+    moved: impl Fn(f64, f64) -> (f64, f64),
+) -> (usize, f64, f64) {
     let first = render(SIZE.0, SIZE.1, |u, v| texture(21, u, v));
     let options = CornerOptions { cell_px: 12, ..CornerOptions::default() };
     let corners = detect(&first, &options, |_, _| true);
-    let (from, to) = (Describer::new(&first), Describer::new(second));
+    let pyramids = [first, second.clone()].map(|image| Pyramid::new(image, 3));
+    let [from, to] = pyramids.each_ref().map(Describer::new);
     let mut queries = Vec::new();
     let mut candidates = Vec::new();
     for corner in corners {
         let (u, v) = moved(corner.u as f64, corner.v as f64);
-        let described =
-            (from.describe(corner.u as f32, corner.v as f32), to.describe(u as f32, v as f32));
+        let described = (
+            from.describe(corner.u as f32, corner.v as f32, sizes[0]),
+            to.describe(u as f32, v as f32, sizes[1]),
+        );
         if let (Some(query), Some(candidate)) = described {
             queries.push(query);
             candidates.push(candidate);
@@ -59,10 +71,41 @@ fn points_are_recognized_after_any_rotation() {
             let (u, v) = turn(u, v, -sin);
             texture(21, u, v)
         });
-        let (points, matched, right) = rates(&second, |u, v| turn(u, v, sin));
+        let (points, matched, right) = rates(&second, PLAIN, |u, v| turn(u, v, sin));
         assert!(points > 100, "{points} points");
         assert!(right >= 0.85, "{angle_deg} deg: {right} right of {points}");
         assert!(matched - right <= 0.01, "{angle_deg} deg: {matched} matched, {right} right");
+    }
+}
+
+#[test]
+fn points_are_recognized_from_another_distance() {
+    let center = (SIZE.0 as f64 / 2.0, SIZE.1 as f64 / 2.0);
+    // Twice as near, and half a step between two sizes.
+    for (nearer, least) in [(1.3, 0.85), (1.68, 0.85), (2.0, 0.85), (3.0, 0.7)] {
+        let zoom = |u: f64, v: f64, by: f64| {
+            (center.0 + by * (u - center.0), center.1 + by * (v - center.1))
+        };
+        let second = render(SIZE.0, SIZE.1, |u, v| {
+            let (u, v) = zoom(u, v, 1.0 / nearer);
+            texture(21, u, v)
+        });
+        let sizes = [3.0, 3.0 / nearer].map(|z| Size::at(z, 3.0 * 15.0 / 0.114));
+        let (points, matched, right) = rates(&second, sizes, |u, v| zoom(u, v, nearer));
+        assert!(points > 15, "{points} points");
+        assert!(right >= least, "{nearer}: {right} right of {points}");
+        assert!(matched - right <= 0.05, "{nearer}: {matched} matched, {right} right");
+    }
+}
+
+#[test]
+fn what_is_nearer_has_a_larger_patch_up_to_four_times() {
+    let sizes = [9.0, 2.0, 1.0, 0.7, 0.5, 0.1].map(|z| Size::at(z, 2.0 * 15.0 / 0.114));
+    assert!(sizes[0] == sizes[1] && sizes[1] == Size::SMALLEST);
+    assert!(sizes[2] != sizes[1] && sizes[3] != sizes[2] && sizes[4] != sizes[3]);
+    assert_eq!(sizes[4], sizes[5]);
+    for no_depth in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let _ = Size::at(no_depth, 500.0);
     }
 }
 
@@ -71,7 +114,7 @@ fn points_are_recognized_under_another_exposure_and_with_noise() {
     let here = |u: f64, v: f64| (u, v);
     for (gain, offset) in [(0.6, 5.0), (1.0, 40.0), (1.3, -40.0)] {
         let second = render(SIZE.0, SIZE.1, |u, v| gain * texture(21, u, v) + offset);
-        let (points, matched, right) = rates(&second, here);
+        let (points, matched, right) = rates(&second, PLAIN, here);
         assert!(points > 100 && right >= 0.98 && matched == right, "{gain} {offset}: {right}");
     }
     for (sigma, least) in [(5.0, 0.98), (15.0, 0.9)] {
@@ -80,19 +123,19 @@ fn points_are_recognized_under_another_exposure_and_with_noise() {
         for pixel in second.pixels_mut() {
             *pixel = (f64::from(*pixel) + sigma * normal(&mut generator)).round() as u8;
         }
-        let (points, matched, right) = rates(&second, here);
+        let (points, matched, right) = rates(&second, PLAIN, here);
         assert!(points > 100 && right >= least && matched - right <= 0.01, "{sigma}: {right}");
     }
 }
 
 #[test]
 fn different_places_differ_in_half_of_the_bits() {
-    let image = render(SIZE.0, SIZE.1, |u, v| texture(2, u, v));
+    let image = Pyramid::new(render(SIZE.0, SIZE.1, |u, v| texture(2, u, v)), 1);
     let describer = Describer::new(&image);
     let mut descriptors = Vec::new();
     for v in (20..220).step_by(40) {
         for u in (20..300).step_by(40) {
-            descriptors.push(describer.describe(u as f32, v as f32).unwrap());
+            descriptors.push(describer.describe(u as f32, v as f32, Size::SMALLEST).unwrap());
         }
     }
     let mut distances = Vec::new();
@@ -107,8 +150,9 @@ fn different_places_differ_in_half_of_the_bits() {
 
 #[test]
 fn the_rim_and_no_numbers_have_no_descriptor() {
-    let describer = Describer::new(&render(40, 50, |u, v| texture(2, u, v)));
-    let has = |u: f32, v: f32| describer.describe(u, v).is_some();
+    let image = Pyramid::new(render(40, 50, |u, v| texture(2, u, v)), 1);
+    let describer = Describer::new(&image);
+    let has = |u: f32, v: f32| describer.describe(u, v, Size::SMALLEST).is_some();
     for (u, v) in [(15.0, 15.0), (24.0, 34.0), (14.6, 34.4)] {
         assert!(has(u, v), "{u} {v}");
     }
@@ -119,11 +163,13 @@ fn the_rim_and_no_numbers_have_no_descriptor() {
         assert!(!has(bad, 20.0) && !has(20.0, bad), "{bad}");
     }
     for size in [(0, 0), (1, 1), (30, 30), (31, 5)] {
-        let describer = Describer::new(&Image::filled(size.0, size.1, 7));
-        assert_eq!(describer.describe(15.0, 15.0), None, "{size:?}");
+        let image = Pyramid::new(Image::filled(size.0, size.1, 7), 1);
+        let describer = Describer::new(&image);
+        assert_eq!(describer.describe(15.0, 15.0, Size::SMALLEST), None, "{size:?}");
     }
     // Flat: all comparisons are false.
-    let flat = Describer::new(&Image::filled(31, 31, 7)).describe(15.0, 15.0);
+    let flat = Pyramid::new(Image::filled(31, 31, 7), 1);
+    let flat = Describer::new(&flat).describe(15.0, 15.0, Size::SMALLEST);
     assert_eq!(flat, Some(Descriptor([0; 4])));
 }
 
@@ -147,9 +193,10 @@ fn the_bits_of_a_point_never_change() {
             image.set(u, v, blocks[v / 4 * 16 + u / 4]);
         }
     }
+    let image = Pyramid::new(image, 1);
     let describer = Describer::new(&image);
     let found = [(20.0, 20.0), (30.0, 41.0), (45.0, 33.0)]
-        .map(|(u, v)| describer.describe(u, v).unwrap().0);
+        .map(|(u, v)| describer.describe(u, v, Size::SMALLEST).unwrap().0);
     let expected: [[u64; 4]; 3] = [
         [
             0xacef_5a3f_dfab_eb54,
@@ -169,6 +216,15 @@ fn the_bits_of_a_point_never_change() {
             0xc310_e96e_21bb_11ba,
             0xcdfa_c232_d387_2ae3,
         ],
+    ];
+    assert_eq!(found, expected, "{found:#x?}");
+    let larger = Size::at(1.0, SQRT_2 * 15.0 / 0.114);
+    let found = describer.describe(30.0, 33.0, larger).unwrap().0;
+    let expected = [
+        0x8197_a2c7_2ac8_99dc,
+        0xc8fc_334e_d9b6_bfe7,
+        0x9e14_8027_c9e2_2b91,
+        0x4cfa_8b61_0be7_806f,
     ];
     assert_eq!(found, expected, "{found:#x?}");
 }
