@@ -108,10 +108,16 @@ impl Map {
             hash.u64(index);
             let Noise { odometry, views } = client.noise;
             let OdometryNoise { translation_share, rotation_rad, pairs } = odometry;
-            let ViewNoise { pixel_factor, depth_factor, windows } = views;
+            let ViewNoise { pixel_factor, depth_factor, windows, outlier_share: _ } = views;
             let odometry = [translation_share, rotation_rad, pairs];
             let views = [pixel_factor, depth_factor, windows];
             odometry.into_iter().chain(views).for_each(|x| hash.f64(x));
+        }
+        let misfit = (0_u64..).zip(self.clients());
+        for (index, client) in misfit.filter(|(_, c)| c.noise.views.outlier_share != 0.0) {
+            hash.tag(11);
+            hash.u64(index);
+            hash.f64(client.noise.views.outlier_share);
         }
         let moved = (0_u64..).zip(self.clients()).filter(|(_, c)| !c.earlier_frames.is_empty());
         for (index, client) in moved {

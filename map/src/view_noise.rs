@@ -7,7 +7,10 @@
 //!
 //! What is larger than stated counts as what it is. What is smaller does not count for more: tracks that
 //! slide along an edge fit each other better than they fit the world. It does decide from when on a loss lets
-//! go ([`ViewNoise::width`]). Nothing is solved here.
+//! go ([`ViewNoise::width`]).
+//!
+//! The views that a window's loss let go of are counted: things that move, tracks that slid to another point.
+//! The loss decides anew in each window, so that a view which fits again counts again. Nothing is solved here.
 
 use std::collections::BTreeMap;
 
@@ -31,6 +34,8 @@ const LEAST_VIEWS: usize = 30;
 const LEAST_REDUNDANCY: f64 = 0.2;
 /// Widths of a loss in real deviations past which it lets go.
 const REAL_WIDTHS: f64 = 2.0;
+/// Widths past which a view does not fit: that of Geman and McClure leaves it a hundredth of its weight there.
+const OUTLIER_WIDTHS: f64 = 3.0;
 
 /// The real deviations of a client's views, as multiples of the stated ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +44,8 @@ pub struct ViewNoise {
     pub pixel_factor: f64,
     /// Of depths.
     pub depth_factor: f64,
+    /// Share of the views that did not fit: past three widths of the loss. On average over the windows.
+    pub outlier_share: f64,
     /// How many windows say so.
     pub windows: f64,
 }
@@ -46,7 +53,7 @@ pub struct ViewNoise {
 impl Default for ViewNoise {
     /// As stated.
     fn default() -> Self {
-        Self { pixel_factor: 1.0, depth_factor: 1.0, windows: 0.0 }
+        Self { pixel_factor: 1.0, depth_factor: 1.0, outlier_share: 0.0, windows: 0.0 }
     }
 }
 
@@ -55,6 +62,7 @@ impl ViewNoise {
     pub(super) fn is_possible(&self) -> bool {
         FACTORS.contains(&self.pixel_factor)
             && FACTORS.contains(&self.depth_factor)
+            && (0.0..=1.0).contains(&self.outlier_share)
             && (0.0..=MOST_WINDOWS).contains(&self.windows)
     }
 
@@ -81,8 +89,8 @@ impl ViewNoise {
     }
 
     /// The noise after one more window, whose residuals are these multiples of [counted](Self::counted)
-    /// deviations.
-    fn after(&self, pixel: f64, depth: Option<f64>) -> Self {
+    /// deviations, and this share of whose views do not fit.
+    fn after(&self, pixel: f64, depth: Option<f64>, outlier_share: f64) -> Self {
         let (pixels, depths) = self.counted();
         let before = self.windows.min(MOST_WINDOWS - 1.0);
         // Of factors the geometric mean.
@@ -95,6 +103,7 @@ impl ViewNoise {
             pixel_factor: mean(self.pixel_factor, pixels * pixel),
             depth_factor: depth
                 .map_or(self.depth_factor, |depth| mean(self.depth_factor, depths * depth)),
+            outlier_share: (self.outlier_share * before + outlier_share) / (before + 1.0),
             windows: before + 1.0,
         }
     }
@@ -117,6 +126,8 @@ pub(super) fn widened(loss: Loss, noises: impl Iterator<Item = ViewNoise>) -> Lo
 struct Squared {
     pixels: Vec<f64>,
     depths: Vec<f64>,
+    /// How many views do not fit.
+    outliers: usize,
 }
 
 impl MapProblem {
@@ -125,6 +136,8 @@ impl MapProblem {
         let bundle = &self.problem;
         let mut squared: BTreeMap<ClientIndex, Squared> = BTreeMap::new();
         let mut measured = 0_usize;
+        let width = bundle.observation_loss.width().unwrap_or(REAL_WIDTHS);
+        let farthest = (OUTLIER_WIDTHS * width).powi(2);
         for observation in bundle.observations() {
             let pose = observation.pose as usize;
             let depth_m = observation.seen.depth_m;
@@ -136,6 +149,8 @@ impl MapProblem {
             if depth_m.is_some() {
                 of_client.depths.push(residual[2].powi(2));
             }
+            of_client.outliers +=
+                usize::from(residual.iter().map(|r| r * r).sum::<f64>() > farthest);
         }
         let count = |constant: &[bool]| constant.iter().filter(|&&constant| !constant).count();
         let free = 6 * count(&bundle.constant_poses) + 3 * count(&bundle.constant_landmarks);
@@ -151,6 +166,7 @@ impl MapProblem {
             if squared.pixels.len() < LEAST_VIEWS {
                 continue;
             }
+            let outlier_share = squared.outliers as f64 / squared.pixels.len() as f64;
             let has_depths = squared.depths.len() >= LEAST_VIEWS;
             let depths = if has_depths { squared.depths } else { Vec::new() };
             let depth = factor(depths, DEPTH_MEDIAN);
@@ -158,7 +174,7 @@ impl MapProblem {
             if let Some(pixel) = factor(squared.pixels, PIXEL_MEDIAN).filter(|&f| is_positive(f))
                 && depth.is_none_or(is_positive)
             {
-                noise.views = noise.views.after(pixel, depth);
+                noise.views = noise.views.after(pixel, depth, outlier_share);
             }
         }
     }

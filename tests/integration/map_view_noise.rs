@@ -12,13 +12,22 @@ use crate::map_support::{Journal, ROBOT, id, pose_at, street_keyframe};
 
 /// A street of 30 keyframes whose pixels are `deviation` off and state 1 px, after a window of each.
 fn seen_with(deviation: f64) -> Journal {
+    seen_with_wrong(deviation, usize::MAX)
+}
+
+/// The same, and each `nth` view is 40 px off.
+fn seen_with_wrong(deviation: f64, nth: usize) -> Journal {
     let mut rng = seeded(5);
     let mut journal = Journal::new(MapPolicy::default());
     for k in 0..30 {
         let mut item = street_keyframe(k, pose_at(k as f64), &journal.map);
         if let Item::Keyframe { observations, .. } = &mut item {
-            for seen in observations {
+            // Other landmarks in each keyframe: one that all see 40 px off is there.
+            for (index, seen) in (1 + 3 * k as usize..).zip(observations) {
                 seen.pixel += normal_vector::<2>(&mut rng, deviation);
+                if index % nth == 0 {
+                    seen.pixel.y += 40.0;
+                }
             }
         }
         journal.send(ROBOT, &item).unwrap();
@@ -75,4 +84,12 @@ fn views_that_are_as_stated_widen_a_loss_that_lets_go() {
     assert!((sigma - found.max(1.0)).abs() < 1e-12, "{sigma}");
     let Loss::GemanMcClure(width) = loss else { panic!("{loss:?}") };
     assert!((width * sigma - 4.0 * found).abs() < 1e-12, "{width}");
+}
+
+#[test]
+fn views_that_a_window_lets_go_of_are_counted() {
+    let share = |nth| noise(&seen_with_wrong(0.5, nth)).outlier_share;
+    assert_eq!(share(usize::MAX), 0.0);
+    let found = share(10);
+    assert!((0.07..0.11).contains(&found), "a tenth is wrong: {found}");
 }

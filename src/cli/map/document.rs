@@ -58,6 +58,7 @@ struct NoiseDocument {
     odometry_rotation_rad: f64,
     pixel_factor: f64,
     depth_factor: f64,
+    outlier_share: f64,
 }
 
 impl NoiseDocument {
@@ -65,9 +66,10 @@ impl NoiseDocument {
         let share = 100.0 * self.odometry_translation_share;
         let degrees = self.odometry_rotation_rad.to_degrees();
         let (pixels, depths) = (self.pixel_factor, self.depth_factor);
+        let outliers = 100.0 * self.outlier_share;
         format!(
             "odometry {share:.2} % of the way and {degrees:.3}° a keyframe; \
-             pixels {pixels:.2}, depths {depths:.2} of the stated sigmas"
+             pixels {pixels:.2}, depths {depths:.2} of the stated sigmas; {outliers:.1} % of the views do not fit"
         )
     }
 }
@@ -160,6 +162,7 @@ impl From<v1::Map> for Document {
                         odometry_rotation_rad: noise.odometry_rotation_rad,
                         pixel_factor: noise.pixel_factor,
                         depth_factor: noise.depth_factor,
+                        outlier_share: noise.outlier_share,
                     }),
                 })
                 .collect(),

@@ -329,6 +329,7 @@ fn to_noise(noise: &Noise) -> v1::ClientNoise {
         odometry_rotation_rad: odometry.rotation_rad,
         pixel_factor: views.pixel_factor,
         depth_factor: views.depth_factor,
+        outlier_share: views.outlier_share,
     }
 }
 

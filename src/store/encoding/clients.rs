@@ -41,7 +41,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
 pub(super) fn encode_noise(client: ClientIndex, noise: &Noise) -> v1::Noise {
     let Noise { odometry, views } = *noise;
     let OdometryNoise { translation_share, rotation_rad, pairs } = odometry;
-    let ViewNoise { pixel_factor, depth_factor, windows } = views;
+    let ViewNoise { pixel_factor, depth_factor, outlier_share, windows } = views;
     v1::Noise {
         client: client.0,
         translation_share: translation_share.to_bits(),
@@ -50,6 +50,7 @@ pub(super) fn encode_noise(client: ClientIndex, noise: &Noise) -> v1::Noise {
         pixel_factor: pixel_factor.to_bits(),
         depth_factor: depth_factor.to_bits(),
         windows: windows.to_bits(),
+        outlier_share: outlier_share.to_bits(),
     }
 }
 
@@ -62,6 +63,7 @@ pub(super) fn decode_noise(noise: &v1::Noise) -> (ClientIndex, Noise) {
         pixel_factor,
         depth_factor,
         windows,
+        outlier_share,
     } = noise;
     let odometry = OdometryNoise {
         translation_share: f64::from_bits(translation_share),
@@ -71,6 +73,7 @@ pub(super) fn decode_noise(noise: &v1::Noise) -> (ClientIndex, Noise) {
     let views = ViewNoise {
         pixel_factor: f64::from_bits(pixel_factor),
         depth_factor: f64::from_bits(depth_factor),
+        outlier_share: f64::from_bits(outlier_share),
         windows: f64::from_bits(windows),
     };
     (ClientIndex(client), Noise { odometry, views })

@@ -1584,6 +1584,10 @@ pub struct ClientNoise {
     /// The same of its depths.
     #[prost(double, tag = "4")]
     pub depth_factor: f64,
+    /// Share of its views that the windows' loss let go of, 0 to 1: past three of its widths, on average over the
+    /// last 30 windows. Things that move, and tracks that slid to another point. They count again where they fit.
+    #[prost(double, tag = "5")]
+    pub outlier_share: f64,
 }
 impl ::prost::Name for ClientNoise {
     const NAME: &'static str = "ClientNoise";

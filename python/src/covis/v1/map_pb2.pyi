@@ -186,16 +186,18 @@ class MapClient(_message.Message):
     def __init__(self, client_id: _Optional[str] = ..., epoch: _Optional[int] = ..., next_sequence: _Optional[int] = ..., map_from_odom: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., scale: _Optional[float] = ..., noise: _Optional[_Union[ClientNoise, _Mapping]] = ...) -> None: ...
 
 class ClientNoise(_message.Message):
-    __slots__ = ("odometry_translation_share", "odometry_rotation_rad", "pixel_factor", "depth_factor")
+    __slots__ = ("odometry_translation_share", "odometry_rotation_rad", "pixel_factor", "depth_factor", "outlier_share")
     ODOMETRY_TRANSLATION_SHARE_FIELD_NUMBER: _ClassVar[int]
     ODOMETRY_ROTATION_RAD_FIELD_NUMBER: _ClassVar[int]
     PIXEL_FACTOR_FIELD_NUMBER: _ClassVar[int]
     DEPTH_FACTOR_FIELD_NUMBER: _ClassVar[int]
+    OUTLIER_SHARE_FIELD_NUMBER: _ClassVar[int]
     odometry_translation_share: float
     odometry_rotation_rad: float
     pixel_factor: float
     depth_factor: float
-    def __init__(self, odometry_translation_share: _Optional[float] = ..., odometry_rotation_rad: _Optional[float] = ..., pixel_factor: _Optional[float] = ..., depth_factor: _Optional[float] = ...) -> None: ...
+    outlier_share: float
+    def __init__(self, odometry_translation_share: _Optional[float] = ..., odometry_rotation_rad: _Optional[float] = ..., pixel_factor: _Optional[float] = ..., depth_factor: _Optional[float] = ..., outlier_share: _Optional[float] = ...) -> None: ...
 
 class MapPolicy(_message.Message):
     __slots__ = ("observation_loss", "constraint_loss", "window_keyframe_count", "min_shared_landmark_count", "gauge", "local_bundle_adjustment", "loop_closure_optimization", "max_iteration_count", "limits", "loop_closure_robustness", "when_full", "geodetic_anchor", "closure_adjustment", "odometry", "metric_odometry", "place_recognition")

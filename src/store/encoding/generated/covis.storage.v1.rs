@@ -693,6 +693,8 @@ pub struct Noise {
     pub depth_factor: u64,
     #[prost(fixed64, tag = "7")]
     pub windows: u64,
+    #[prost(fixed64, tag = "8")]
+    pub outlier_share: u64,
 }
 impl ::prost::Name for Noise {
     const NAME: &'static str = "Noise";

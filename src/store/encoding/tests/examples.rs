@@ -188,7 +188,12 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
                         rotation_rad: 0.125,
                         pairs: 33.0,
                     },
-                    views: ViewNoise { pixel_factor: 0.5, depth_factor: 2.0, windows: 9.0 },
+                    views: ViewNoise {
+                        pixel_factor: 0.5,
+                        depth_factor: 2.0,
+                        outlier_share: 0.125,
+                        windows: 9.0,
+                    },
                 },
             )],
             covered: vec![(ClientIndex(0), 3)],
