@@ -5,8 +5,9 @@ rotation and position in the vehicle), motion.csv (frame, time, rates of turn an
 position and turn) and tracks.csv (frame, track, pixel on the left and on the right). Depth comes from disparity.
 Start poses are the vehicle's own motion, summed up; the map gets nothing else.
 
-    python3 benches/reference/drift.py DRIVE... [--pace burst] [--own-noise]
+    python3 benches/reference/drift.py DRIVE... [--pace burst] [--own-noise] [--wrong SHARE]
 
+--wrong lets a share of the tracks slide, 4 px a frame, as tracks do that lost their point. The bench
 prints, for each drive and pace, the error over 100 m of odometry and of the map. A server is started for each.
 """
 
@@ -24,6 +25,8 @@ LEAST_DISPARITY = 1.0
 LEAST_TRACKS = 8
 """A frame with fewer tracks makes no keyframe."""
 IMAGE = (1400, 500)
+SLIDE_PX = 4.0
+"""Deviation of the step between two frames of a track that slides, px."""
 
 
 def rotation(turn: np.ndarray) -> np.ndarray:
@@ -89,6 +92,18 @@ class Drive:
             views=views,
         )
 
+    def spoil(self, share: float) -> None:
+        """Lets a share of the tracks slide."""
+        random = np.random.default_rng(1)
+        tracks = np.unique(np.concatenate([seen[:, 0] for seen in self.views.values()]))
+        wrong = random.choice(tracks, int(share * len(tracks)), replace=False)
+        slid = {track: np.zeros(2) for track in wrong}
+        for seen in self.views.values():
+            for row in seen:
+                if row[0] in slid:
+                    slid[row[0]] += random.normal(0.0, SLIDE_PX, 2)
+                    row[1:3] += slid[row[0]]
+
     def map(self, pace: str, own_noise: bool) -> dict[int, np.ndarray]:
         """The poses of a map that got the drive, "paced" one keyframe after the other or in a "burst"."""
         focal_base = self.intrinsics[0, 0] * self.base_m
@@ -145,11 +160,13 @@ def main() -> None:
     parser.add_argument("drives", nargs="+", type=pathlib.Path, metavar="DRIVE")
     parser.add_argument("--pace", choices=["paced", "burst"], action="append")
     parser.add_argument("--own-noise", action="store_true", help="send ODOMETRY constraints")
+    parser.add_argument("--wrong", type=float, default=0.0, metavar="SHARE")
     arguments = parser.parse_args()
     paces = arguments.pace or ["paced", "burst"]
     print("drive", "odometry", *paces, sep="\t")
     for folder in arguments.drives:
         drive = Drive.read(folder)
+        drive.spoil(arguments.wrong)
         odometry = dict(enumerate(drive.odometry))
         maps = [drive.map(pace, arguments.own_noise) for pace in paces]
         row = [f"{100 * drive.drift(poses):.2f} %" for poses in [odometry, *maps]]
