@@ -7,7 +7,7 @@ Start poses are the vehicle's own motion, summed up; the map gets nothing else.
 
     python3 benches/reference/drift.py DRIVE... [--pace burst] [--own-noise] [--wrong SHARE]
 
---wrong lets a share of the tracks slide, 4 px a frame, as tracks do that lost their point. The bench
+--wrong lets a share of the tracks slide, 4 px a frame, as tracks do that lost their point. The script
 prints, for each drive and pace, the error over 100 m of odometry and of the map. A server is started for each.
 """
 
@@ -160,7 +160,7 @@ def main() -> None:
     parser.add_argument("drives", nargs="+", type=pathlib.Path, metavar="DRIVE")
     parser.add_argument("--pace", choices=["paced", "burst"], action="append")
     parser.add_argument("--own-noise", action="store_true", help="send ODOMETRY constraints")
-    parser.add_argument("--wrong", type=float, default=0.0, metavar="SHARE")
+    parser.add_argument("--wrong", type=float, default=0.0, metavar="SHARE", help="let tracks slide")
     arguments = parser.parse_args()
     paces = arguments.pace or ["paced", "burst"]
     print("drive", "odometry", *paces, sep="\t")

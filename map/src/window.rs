@@ -107,7 +107,7 @@ pub fn choose_window_while(
     Window { free, fixed, landmarks, carried }
 }
 
-/// Adds the keyframes that share most with `free` until there are `room`; says whether there were any.
+/// Adds the keyframes that share most with `free` until there are `room`. Returns whether it added any.
 fn add_neighbors(
     map: &Map,
     carried: &BTreeSet<EntityId>,
@@ -115,6 +115,9 @@ fn add_neighbors(
     free: &mut BTreeSet<EntityId>,
 ) -> bool {
     let missing = room.saturating_sub(free.len());
+    if missing == 0 {
+        return false;
+    }
     let mut shared: BTreeMap<EntityId, u32> = BTreeMap::new();
     let sharing = free.iter().flat_map(|&id| map.covisibility().neighbors(id));
     let again = free.iter().flat_map(|&id| observers_of_duplicates(map, id)).map(|id| (id, 1));

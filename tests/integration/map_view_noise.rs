@@ -22,7 +22,7 @@ fn seen_with_wrong(deviation: f64, nth: usize) -> Journal {
     for k in 0..30 {
         let mut item = street_keyframe(k, pose_at(k as f64), &journal.map);
         if let Item::Keyframe { observations, .. } = &mut item {
-            // Other landmarks in each keyframe: one that all see 40 px off is there.
+            // Each keyframe has other wrong views: a landmark that all see 40 px off is there.
             for (index, seen) in (1 + 3 * k as usize..).zip(observations) {
                 seen.pixel += normal_vector::<2>(&mut rng, deviation);
                 if index % nth == 0 {

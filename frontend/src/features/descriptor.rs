@@ -76,7 +76,8 @@ impl Size {
     /// A radius of 15 px.
     pub const SMALLEST: Self = Self(0);
 
-    /// The size of what is `z_m` meters away, for a focal length in pixels.
+    /// The size of what is `z_m` meters away, for a focal length in pixels. A negative depth and
+    /// one that is not a number have the smallest.
     #[must_use]
     pub fn at(z_m: f64, focal_px: f64) -> Self {
         let scale = focal_px * RADIUS_M / (z_m * f64::from(RADIUS));
@@ -175,7 +176,7 @@ struct Table {
     half_widths: Vec<usize>,
 }
 
-/// Of each size of an octave.
+/// The table of each size of an octave.
 fn tables() -> &'static [Table] {
     static TABLES: OnceLock<Vec<Table>> = OnceLock::new();
     TABLES.get_or_init(|| {
@@ -186,6 +187,7 @@ fn tables() -> &'static [Table] {
     })
 }
 
+/// The table of the size that is `scale` times the smallest.
 fn table(upright: &[[f64; 4]], scale: f64) -> Table {
     let radius = (scale * f64::from(RADIUS)).round() as i32;
     let units = |index: usize| (TAU * index as f64 / DIRECTIONS as f64).sin_cos();

@@ -69,7 +69,8 @@ impl NoiseDocument {
         let outliers = 100.0 * self.outlier_share;
         format!(
             "odometry {share:.2} % of the way and {degrees:.3}° a keyframe; \
-             pixels {pixels:.2}, depths {depths:.2} of the stated sigmas; {outliers:.1} % of the views do not fit"
+             pixels {pixels:.2}, depths {depths:.2} of the stated sigmas; \
+             {outliers:.1} % of the views do not fit"
         )
     }
 }

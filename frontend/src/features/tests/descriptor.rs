@@ -104,9 +104,10 @@ fn what_is_nearer_has_a_larger_patch_up_to_four_times() {
     assert!(sizes[0] == sizes[1] && sizes[1] == Size::SMALLEST);
     assert!(sizes[2] != sizes[1] && sizes[3] != sizes[2] && sizes[4] != sizes[3]);
     assert_eq!(sizes[4], sizes[5]);
-    for no_depth in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let _ = Size::at(no_depth, 500.0);
+    for no_depth in [-1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!(Size::at(no_depth, 500.0), Size::SMALLEST, "{no_depth}");
     }
+    assert_eq!(Size::at(f64::MIN_POSITIVE, 500.0), sizes[5]);
 }
 
 #[test]
