@@ -152,13 +152,15 @@ fn add_blind(map: &Map, carried: &BTreeSet<EntityId>, free: &mut BTreeSet<Entity
     }
 }
 
-/// The keyframes of `waiting` behind which, in their trajectories, there are only others of them.
+/// The keyframes of `waiting`, and those without views among them, behind which, in their trajectories, there
+/// are only others of them.
 fn tails(map: &Map, waiting: &BTreeSet<EntityId>) -> BTreeSet<EntityId> {
     let clients: BTreeSet<ClientIndex> = waiting.iter().map(|id| id.client).collect();
     let mut tails = BTreeSet::new();
     for client in clients {
         let mut next = map.last_keyframe(client);
-        while let Some(id) = next.filter(|id| waiting.contains(id)) {
+        let sees = |id| map.keyframes().get(&id).is_some_and(|k| !k.observations.is_empty());
+        while let Some(id) = next.filter(|&id| waiting.contains(&id) || !sees(id)) {
             tails.insert(id);
             next = map.keyframe_before(id).map(|(before, _)| before);
         }

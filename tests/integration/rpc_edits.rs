@@ -92,7 +92,7 @@ fn editing() -> Vec<(Item, bool)> {
         (revoke(3), true),
         (remove_keyframe(4), true),
         (closure(2, 0, 5), true),
-        (Item::Keyframe(v1::Keyframe { observations: Vec::new(), ..keyframe(4) }), true),
+        (Item::Keyframe(v1::Keyframe { observations: Vec::new(), ..keyframe(4) }), false),
         // The closure goes with its keyframe.
         (remove_keyframe(5), true),
     ]

@@ -155,7 +155,12 @@ impl Actor {
         let (local_bundle, loop_closure) = (policy.local_bundle, policy.loop_closure);
         let is_closure = request == SolveRequest::LoopClosure;
         let (graph, window, seen) = match request {
-            SolveRequest::Views(id) => (None, local_bundle.then(|| Task::around(id)), Some(id)),
+            // Without views nothing measures a keyframe but odometry, which has put it there.
+            SolveRequest::Views(id) => {
+                let sees =
+                    self.map.keyframes().get(&id).is_some_and(|k| !k.observations.is_empty());
+                (None, (local_bundle && sees).then(|| Task::around(id)), Some(id))
+            }
             SolveRequest::LoopClosure => (loop_closure.then_some(Task::Loop), None, None),
             SolveRequest::Prior => (loop_closure.then_some(Task::Prior), None, None),
             SolveRequest::Edited(Affected { graph, keyframes }) => {

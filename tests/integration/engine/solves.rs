@@ -9,7 +9,7 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use futures_util::FutureExt;
 use tokio::sync::mpsc;
 
-use super::{Client, Fixture, noisy_keyframe, open, optimized};
+use super::{Client, Fixture, noisy_keyframe, noisy_pose, open, optimized};
 use crate::common::{Occupied, hold, large};
 use crate::map_support::{
     camera_item, corner, id, observe, pose_at, relative_pose, street_keyframe,
@@ -38,6 +38,35 @@ async fn keyframes_that_wait_get_the_windows_that_one_by_one_would_have() {
     let each = (3..=6).zip(1..);
     assert_eq!(optimized(&client.finish().await), each.collect::<Vec<_>>());
     assert_eq!(fixture.solves().await, [SolveKind::LocalBundle; 4]);
+}
+
+#[tokio::test]
+async fn keyframes_without_views_ask_for_no_window_and_a_burst_goes_along_with_them_in_it() {
+    let fixture = Fixture::plain().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    let blocker = Occupied::new(fixture.maps.pool()).await;
+    client.send_street(0..3).await;
+    let mut blind = noisy_keyframe(3);
+    if let Item::Keyframe { observations, landmarks, .. } = &mut blind {
+        observations.clear();
+        landmarks.clear();
+    }
+    let sequence = client.send(blind).await;
+    client.send(noisy_keyframe(4)).await;
+    client.received(sequence).await;
+    drop(blocker);
+    let acks = client.finish().await;
+    // Keyframes 1, 2 and 4; the first one alone is nothing to solve, nor is the blind one.
+    assert_eq!(fixture.solves().await, [SolveKind::LocalBundle; 3]);
+    assert_eq!(optimized(&acks).last(), Some(&(sequence + 1, 3)));
+    let map = map.snapshot().await.unwrap();
+    let pose = |k| map.keyframes().get(&id(k)).unwrap().world_from_camera;
+    let truth = |k: i64| -> Se3 { pose_at(k as f64) };
+    // It went with what is before it, whose error the windows took away.
+    let error = |k| truth(k).inverse().compose(&pose(k)).translation.norm();
+    let sent = truth(3).inverse().compose(&noisy_pose(3)).translation.norm();
+    assert!(error(4) < sent && error(3) < 2.0 * sent, "{} {} {sent}", error(3), error(4));
 }
 
 #[tokio::test]
