@@ -1,16 +1,17 @@
-"""The tutorial, the how-tos and the page on accuracy: every command in them is run, in their order.
+"""The README and the pages of `PAGES`: every command in them is run, in their order.
 
 The word behind a block's language says what it is:
 
-- `sh,server`: runs beside all that follows, until the page ends;
+- `sh,server`: runs beside all that follows, until the page ends or starts another server;
 - `sh,run`: runs in bash and must succeed; `text,output` behind it must be in what it prints;
 - `sh,setup`: the same, and brings programs and packages: from what this machine has, not from the network.
   `NOT_RUN` has the commands that are left out, and why;
 - `sh,cpp`: the same, where the C++ client is built: `cpp/check` runs this test again for it;
-- `python,file=NAME`, `cmake,file=NAME`: what the reader saves as NAME.
+- `python,file=NAME`, `cmake,file=NAME`, `toml,file=NAME`: what the reader saves as NAME;
+- `console`: is shown only, because it needs what no test has: root, Docker, other machines, recordings.
 
-A page's folder is empty but for what its reader has: the checkout, and where the page makes none itself
-the environment of Python.
+A page's folder is empty but for what its reader has: the checkout, as `covis` and as the folder itself, and
+where the page makes none itself the environment of Python.
 """
 
 import os
@@ -27,11 +28,18 @@ from conftest import GUARD_S
 ROOT = Path(__file__).resolve().parents[2]
 URL = "http://127.0.0.1:7411"
 BLOCK = re.compile(r"^```(\S*)\n(.*?)^```$", re.M | re.S)
+# Where a server with TLS is reached on a page.
+SECURE = re.compile(r"https://(?:localhost|127\.0\.0\.1):7411")
 PAGE = "127.0.0.1:7412"
+# The README, and pages of the book by their names.
+PAGES = ["README", "install", "tutorial", "how-to", "command-line", "configuration", "accuracy"]
 # Programs that take the server's URL, which is another one here than on the page.
 PROGRAM = re.compile(r"^(cargo run|\S+/(?:first_frontend|robot))$", re.M)
 NOT_RUN = {
     "cargo install --locked --path covis": "takes minutes; the gate has built the program that serves here",
+    "cargo install --locked --path .": "the same",
+    "cargo run --release -- demo": "the same; a test of its own runs the demo",
+    "cargo test --workspace": "the gate does",
     "apt-get install cmake g++ libgrpc++-dev protobuf-compiler-grpc": "needs root; the gate does it where it can",
 }
 
@@ -46,7 +54,8 @@ class Page:
         (folder / ".bin").mkdir()
         (folder / ".bin" / "covis").symlink_to(program)
         (folder / "covis").symlink_to(ROOT)
-        (folder / "tests").symlink_to(ROOT / "tests")
+        for part in ("tests", "python", "examples"):
+            (folder / part).symlink_to(ROOT / part)
         self.server = None
         self.url = URL
         self.environment = {k: v for k, v in os.environ.items() if not k.startswith("COVIS_")}
@@ -73,9 +82,10 @@ class Page:
 
     def serve(self, command):
         """Starts the server on a free port; all that follows means this one."""
+        self.stop()
         listens = self.environment | {"COVIS_LISTEN": "127.0.0.1:0"}
         has_page = PAGE in command
-        command = command.replace(PAGE, "127.0.0.1:0")
+        command = re.sub(r"--listen \S+", "--listen 127.0.0.1:0", command.replace(PAGE, "127.0.0.1:0"))
         log = open(self.folder / "server.log", "wb")
         self.server = subprocess.Popen(
             ["bash", "-c", f"exec {command}"], cwd=self.folder, env=listens, stdout=subprocess.PIPE,
@@ -92,8 +102,9 @@ class Page:
 
     def run(self, commands, more=None):
         commands = PROGRAM.sub(lambda it: f"{it[0]}{' --' if it[0] == 'cargo run' else ''} {URL}", commands)
+        commands = SECURE.sub(self.url, commands.replace(URL, self.url))
         done = subprocess.run(
-            ["bash", "-euo", "pipefail", "-c", commands.replace(URL, self.url)], cwd=self.folder,
+            ["bash", "-euo", "pipefail", "-c", commands], cwd=self.folder,
             env=self.environment | (more or {}), stdin=subprocess.DEVNULL, capture_output=True, text=True,
             timeout=10 * GUARD_S,
         )  # fmt: skip
@@ -105,6 +116,7 @@ class Page:
             self.server.terminate()
             self.server.wait(GUARD_S)
             self.server.stdout.close()
+            self.server = None
 
 
 @pytest.fixture
@@ -119,10 +131,15 @@ def squeezed(text):
     return [" ".join(line.split()) for line in text.splitlines() if line.strip()]
 
 
+def source(name):
+    """The text of a page."""
+    return (ROOT / ("README.md" if name == "README" else f"docs/{name}.md")).read_text()
+
+
 def follow(page, name, with_cpp=False):
     """Does what the page says; answers how many blocks of commands were run."""
     printed, count = "", 0
-    text = (ROOT / "docs" / f"{name}.md").read_text()
+    text = source(name)
     if "-m venv venv" not in text:
         page.lend()
     for kind, text in BLOCK.findall(text):
@@ -134,7 +151,9 @@ def follow(page, name, with_cpp=False):
             printed = page.set_up(text)
         elif kind == "sh,cpp":
             printed = page.run(text) if with_cpp else None
-        elif re.match(r"(python|cmake),file=", kind):
+        elif kind == "console":
+            continue
+        elif re.match(r"(python|cmake|toml),file=", kind):
             path = page.folder / kind.split("=")[1]
             path.parent.mkdir(exist_ok=True)
             path.write_text(text.replace(URL, page.url))
@@ -147,11 +166,11 @@ def follow(page, name, with_cpp=False):
     return count
 
 
-@pytest.mark.parametrize("name", ["tutorial", "how-to", "accuracy"])
+@pytest.mark.parametrize("name", PAGES)
 def test_a_reader_who_follows_a_page_word_for_word_gets_there(page, name):
     assert follow(page, name) >= 3
 
 
-def test_what_is_not_run_is_on_the_page():
-    lines = (ROOT / "docs" / "tutorial.md").read_text().splitlines()
+def test_what_is_not_run_is_on_a_page():
+    lines = {line for name in PAGES for line in source(name).splitlines()}
     assert [command for command in NOT_RUN if command not in lines] == []
