@@ -172,11 +172,6 @@ impl<const N: usize> Information<N> {
         })
     }
 
-    /// The matrix of another one, as it was written down.
-    pub(crate) fn from_checked(matrix: SMatrix<f64, N, N>) -> Self {
-        Self(matrix)
-    }
-
     /// Whether every direction has information: with the diagonal scaled to ones, so that units of
     /// the tangent do not matter, no eigenvalue is below 1e-12, where rounding could have made it.
     #[must_use]

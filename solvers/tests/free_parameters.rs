@@ -1,11 +1,9 @@
 //! Cameras of COLMAP's models in bundle adjustment: only the parameters of the model move, the optimum is
 //! that of the model, and the model is written back.
 
-use covis_solvers::bundle_adjustment::split::{self, LocalWorkers, SplitOptions};
 use covis_solvers::bundle_adjustment::{LinearSolver, Options, solve};
 use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::geometry::{Camera, FreeParameters, LieGroup, ParameterKind, Se3, Snavely, So3};
-use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::colmap::{
     ColmapCamera, ColmapCameraModel, ColmapEncoding, ColmapImage, ColmapModel, ColmapPoint,
 };
@@ -199,30 +197,6 @@ fn every_linear_solver_and_loss_takes_the_free_parameters_alike() {
                     .map(|linear_solver| solved(&mut problem.clone(), linear_solver));
             assert!((costs[1] / costs[0] - 1.0).abs() < 1e-9, "{}: {costs:?}", kind.name());
             assert!((costs[2] / costs[0] - 1.0).abs() < 1e-5, "{}: {costs:?}", kind.name());
-        }
-    }
-}
-
-#[test]
-fn sections_hold_the_same_parameters_as_the_whole() {
-    for (kind, parameters) in [MODELS[0], MODELS[4]] {
-        for cameras in [1, 8] {
-            let problem = model(kind, parameters, cameras).to_problem().unwrap().problem;
-            let whole = improved(&mut problem.clone());
-            let mut in_sections = problem.clone();
-            let mut options = SplitOptions { sections: 2, ..SplitOptions::default() };
-            options.bundle.optimizer.max_iterations = FEW;
-            let mut workers = LocalWorkers::new(2);
-            let (interrupt, observer) = (Interrupt::NEVER, &mut ignore_iterations);
-            split::solve(&mut in_sections, &options, &mut workers, &interrupt, observer).unwrap();
-            let cost = bundle_cost(&in_sections).total;
-            assert!((cost / whole - 1.0).abs() < 1e-4, "{}: {cost} {whole}", kind.name());
-            let free = kind.free_parameters().is_free();
-            for (before, after) in problem.cameras.iter().zip(&in_sections.cameras) {
-                let (before, after) = (before.parameters(), after.parameters());
-                let moved = |k: usize| before[k] != after[k];
-                (0..before.count).for_each(|k| assert_eq!(moved(k), free[k], "parameter {k}"));
-            }
         }
     }
 }

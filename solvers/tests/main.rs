@@ -9,7 +9,6 @@ mod bundle_checkpoints;
 mod bundle_hard;
 mod bundle_kernels;
 mod bundle_losses;
-mod bundle_split;
 mod bundle_tracks;
 mod certificate;
 mod evaluation;

@@ -21,7 +21,6 @@ mod cli_recorded;
 mod cli_report;
 mod cli_run;
 mod cli_solve;
-mod cli_split;
 mod cli_support;
 mod cli_synth;
 mod client;

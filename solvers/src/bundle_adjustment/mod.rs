@@ -15,7 +15,6 @@ mod iterative;
 mod landmarks;
 mod layout;
 mod marginals;
-mod maybe_owned;
 mod observe;
 mod pose_factors;
 mod price;
@@ -23,7 +22,6 @@ mod product;
 mod reduce;
 mod reduced_solver;
 mod sorted;
-pub mod split;
 mod system;
 mod under_loss;
 mod variables;
@@ -46,7 +44,6 @@ pub use crate::simd::Class;
 
 use eliminator::Kernels;
 use layout::Layout;
-use maybe_owned::MaybeOwned;
 use system::BundleSystem;
 use variables::Variables;
 
@@ -138,8 +135,7 @@ fn run<'a>(
         let class = options.class.unwrap_or_else(Class::detect);
         let limits = Limits { ceiling: options.optimizer.ceiling, interrupt: &interrupt };
         let run = (start, &interrupt);
-        let held = MaybeOwned::Borrowed(&mut *problem);
-        let variables = Variables::new(held, &layout, kernels, class, interrupt.clone());
+        let variables = Variables::new(&mut *problem, &layout, kernels, class, interrupt.clone());
         let system = BundleSystem::new(variables, options.linear_solver, limits);
         let (solve, linear_solver) = match system {
             Ok(mut system) => {
@@ -153,8 +149,8 @@ fn run<'a>(
                 (solve, linear_solver)
             }
             Err(SolveError::Interrupted) => {
-                let held = MaybeOwned::Borrowed(&mut *problem);
-                let mut start = Variables::new(held, &layout, kernels, class, interrupt.clone());
+                let mut start =
+                    Variables::new(&mut *problem, &layout, kernels, class, interrupt.clone());
                 let mut start = Unmoved(start.cost());
                 let solve = minimize(&mut start, &options.optimizer, run, None, observer);
                 (solve, options.linear_solver)

@@ -5,8 +5,6 @@
 //! kernels' order and go back to the problem at the end. It takes no decision of the loop, and
 //! `reduced_solver` chooses its linear solver.
 
-use std::sync::Arc;
-
 use super::back_substitute::StepSums;
 use super::covisible::ChunkPairs;
 use super::eliminator::Eliminator;
@@ -18,17 +16,13 @@ use super::reduced_solver::{Choice, choose};
 use super::sorted::GROUPS;
 use super::variables::{Backup, Move, Variables};
 use super::{Keeper, LinearSolver};
-use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError, PartialCholesky};
+use crate::linear::{BlockMatrix, Cholesky, LinearError};
 use crate::loss::Loss;
 use crate::optimizer::{
     Gradient, IterationSummary, LoopState, Losses, Step, StepFailure, System, damping_scale,
 };
 use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
-
-mod border;
-
-pub(super) use border::BorderedSystem;
 
 /// A problem with its elimination and the solver of what that leaves.
 pub(super) struct BundleSystem<'a> {
@@ -73,13 +67,7 @@ enum Solver {
     Cholesky(Box<Cholesky>),
     /// Inexactly.
     Iterative,
-    /// All but a border, whose system is solved elsewhere.
-    Partial(Box<PartialCholesky>),
 }
-
-/// What a system is built from beside its problem: the chosen solver's name, blocks of the reduced
-/// system that are computed, the solver, and the pairs of views that feed it.
-type Parts = (LinearSolver, Arc<BlockPattern>, Solver, Option<Vec<ChunkPairs>>);
 
 impl<'a> BundleSystem<'a> {
     pub(super) fn new(
@@ -95,15 +83,9 @@ impl<'a> BundleSystem<'a> {
             Some((cholesky, pairs)) => (Solver::Cholesky(cholesky), Some(pairs)),
             None => (Solver::Iterative, None),
         };
-        Ok(Self::of_parts(variables, (linear_solver, pattern, solver, pairs)))
-    }
-
-    /// With the solver that was chosen, the blocks that it wants and the pairs that feed them.
-    fn of_parts(variables: Variables<'a>, (linear_solver, pattern, solver, pairs): Parts) -> Self {
         let dimension = pattern.dimension();
-        let (problem, layout) = (&*variables.problem, &*variables.layout);
         let pose_pairs = || pose_factors::block_pairs(problem, layout);
-        Self {
+        Ok(Self {
             linear_solver,
             offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
             reduction: Reduction::new(layout, pairs.as_deref().unwrap_or(&[]), &pattern),
@@ -122,7 +104,7 @@ impl<'a> BundleSystem<'a> {
             keeper: None,
             pairs,
             variables,
-        }
+        })
     }
 
     pub(super) fn linear_solver(&self) -> LinearSolver {
@@ -176,8 +158,6 @@ impl<'a> BundleSystem<'a> {
                 };
                 self.eliminator.solve(&linearization, &self.reduced, &right, &mut self.step)
             }
-            // A system with a border is solved in two halves, not here.
-            Solver::Partial(_) => Err(LinearError::Interrupted),
         }
     }
 

@@ -11,7 +11,6 @@ use super::Checkpoint;
 use super::eliminator::{Kernels, Pass};
 use super::inner_iterations::{INNER_STIFFNESS, POINT};
 use super::layout::{Layout, NO_BLOCK, View};
-use super::maybe_owned::MaybeOwned;
 use super::observe::{Inputs, ViewRecord, view_record};
 use super::pose_factors;
 use crate::geometry::{Camera, LieGroup, Se3};
@@ -22,7 +21,7 @@ use crate::simd::Class;
 
 /// A problem and what its passes read.
 pub(super) struct Variables<'a> {
-    pub(super) problem: MaybeOwned<'a>,
+    pub(super) problem: &'a mut BundleProblem,
     pub(super) layout: Arc<Layout>,
     pub(super) kernels: Kernels,
     pub(super) class: Class,
@@ -53,7 +52,7 @@ pub(super) struct Move<'a> {
 
 impl<'a> Variables<'a> {
     pub(super) fn new(
-        problem: MaybeOwned<'a>,
+        problem: &'a mut BundleProblem,
         layout: &Arc<Layout>,
         kernels: Kernels,
         class: Class,
@@ -153,7 +152,7 @@ impl<'a> Variables<'a> {
     }
 
     /// Puts the landmarks back into the problem.
-    pub(super) fn finish(mut self) {
+    pub(super) fn finish(self) {
         let mut landmarks = std::mem::take(&mut self.problem.landmarks);
         self.put_back(&mut landmarks);
         self.problem.landmarks = landmarks;
@@ -162,16 +161,6 @@ impl<'a> Variables<'a> {
     fn put_back(&self, landmarks: &mut [Vector3<f64>]) {
         for (&landmark, point) in self.layout.sorted.order.iter().zip(self.points.chunks(POINT)) {
             landmarks[landmark as usize] = Vector3::new(point[0], point[1], point[2]);
-        }
-    }
-
-    /// Sets all of them; there are as many as in the problem.
-    pub(super) fn set(&mut self, poses: &[Se3], cameras: &[Camera], landmarks: &[Vector3<f64>]) {
-        self.problem.poses.copy_from_slice(poses);
-        self.problem.cameras.clone_from_slice(cameras);
-        for (&landmark, point) in self.layout.sorted.order.iter().zip(self.points.chunks_mut(POINT))
-        {
-            point[..3].copy_from_slice(landmarks[landmark as usize].as_slice());
         }
     }
 

@@ -32,4 +32,4 @@ pub use matrix::{BlockMatrix, BlockRowMut};
 pub use ordering::{BlockOrdering, OrderingMethod};
 pub use pattern::BlockPattern;
 pub use pcg::{BlockJacobi, Pcg, PcgOutcome};
-pub use sparse::{GrowingCholesky, PairTerm, PartialCholesky, SparseCholesky, Updated};
+pub use sparse::{GrowingCholesky, PairTerm, SparseCholesky, Updated};

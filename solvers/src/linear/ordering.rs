@@ -5,8 +5,7 @@
 //! turn and the cheapest is kept.
 //!
 //! - `minimum_degree`: AMD behind an exact reduction; `dissection`, `multilevel`,
-//!   `refinement`: nested dissection; `elimination`: tree and fill of an order; `parts`: a graph cut
-//!   into parts of equal weight.
+//!   `refinement`: nested dissection; `elimination`: tree and fill of an order.
 //!
 //! The result is always postordered, which keeps fill and cost and brings supernodes together.
 //! Nothing here looks at values.
@@ -16,7 +15,6 @@ mod elimination;
 mod graph;
 mod minimum_degree;
 mod multilevel;
-mod parts;
 mod refinement;
 
 use std::sync::Arc;
@@ -31,7 +29,6 @@ use elimination::eliminate;
 pub(super) use elimination::{Elimination, NO_PARENT, earlier_neighbors, postorder_of};
 use graph::Graph;
 use minimum_degree::{minimum_degree, minimum_degree_until, reduced};
-pub(crate) use parts::{SEPARATE, parts};
 
 /// Which algorithm made an elimination order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,29 +90,6 @@ pub(super) fn ordered_with_last(
     let mut order = minimum_degree(&Graph::of_pattern(pattern)).unwrap_or_else(natural);
     order::sort_by_key(&mut order, &|block| u64::from(is_last[block as usize]));
     postordered(pattern, &order).unwrap_or_default()
-}
-
-/// The cheapest order in which the blocks marked in `is_last`, which are all tied to each other, come
-/// after all others, ascending; with its elimination. All others are postordered.
-///
-/// # Errors
-/// [`LinearError::Interrupted`].
-pub(super) fn cheapest_with_last(
-    pattern: &BlockPattern,
-    is_last: &[bool],
-    interrupt: &Interrupt,
-) -> Result<(BlockOrdering, Elimination), LinearError> {
-    let (ordering, _) = cheapest(pattern, interrupt)?;
-    let BlockOrdering { mut order, method, .. } = ordering;
-    let key = |block: u32| if is_last[block as usize] { u64::from(block) + 1 } else { 0 };
-    order::sort_by_key(&mut order, &key);
-    let (mut order, _) = postordered(pattern, &order).unwrap_or_default();
-    // Subtrees without an ancestor among the last blocks may stand behind these. Moving such subtrees
-    // before them keeps each child before its parent and each subtree contiguous.
-    order::sort_by_key(&mut order, &key);
-    let elimination = eliminate(pattern, &order).unwrap_or_default();
-    let Elimination { flops, factor_entries, .. } = elimination;
-    Ok((BlockOrdering { order, flops, factor_entries, method }, elimination))
 }
 
 /// The cheapest elimination order found, with its cost and its elimination tree; ties go to the earlier

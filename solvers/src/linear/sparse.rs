@@ -20,7 +20,6 @@ mod front;
 mod growing;
 mod kernels;
 mod numeric;
-mod partial;
 mod plan;
 mod shape;
 mod supernodes;
@@ -28,7 +27,6 @@ mod triangular;
 mod workspace;
 
 pub use growing::{GrowingCholesky, PairTerm, Updated};
-pub use partial::PartialCholesky;
 use plan::Plan;
 pub(super) use plan::bytes;
 use triangular::Sweep;
@@ -53,7 +51,7 @@ impl SparseCholesky {
         elimination: &Elimination,
     ) -> Result<Self, LinearError> {
         let plan = Plan::new(&pattern, order, elimination)?;
-        let workspace = Workspace::new(pattern, plan, None)?;
+        let workspace = Workspace::new(pattern, plan)?;
         Ok(Self { workspace, interrupt: Interrupt::NEVER })
     }
 

@@ -26,7 +26,6 @@ use super::arguments::{SOLVERS, Shared};
 use super::rebuild::{Rebuilt, rebuild};
 use super::report::{Details, Report, Solved};
 use super::residuals;
-use super::split::{self, Split};
 use crate::cli::choices::{choice, name_of};
 use crate::cli::formats::with_kind;
 use crate::cli::html::{self, solve::Residuals};
@@ -60,8 +59,6 @@ pub(super) struct Args {
     /// that do not agree are left out of the solve.
     #[arg(long)]
     rebuild: bool,
-    #[command(flatten)]
-    split: split::SplitArgs,
 }
 
 /// Intrinsics of one kind.
@@ -115,8 +112,6 @@ struct BundleDetails {
     behind_camera_observations: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     rebuilt: Option<Rebuilt>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    split: Option<Split>,
 }
 
 impl Details for BundleDetails {
@@ -148,7 +143,6 @@ impl Details for BundleDetails {
             ("behind camera", behind),
         ];
         lines.extend(self.rebuilt.iter().flat_map(Rebuilt::lines));
-        lines.extend(self.split.iter().flat_map(Split::lines));
         lines
     }
 }
@@ -196,14 +190,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     let start_of_page = shared.report.path.as_ref().map(|_| Drawn::of(problem));
     let mut report = Report::start(shared.json, preparation);
     let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
-    let (summary, split) = if args.split.is_wanted() {
-        let solved = split::solve(problem, options, &args.split, &mut observer);
-        let (summary, split) = solved.with_context(name)?;
-        (summary, Some(split))
-    } else {
-        let solved = bundle_adjustment::solve(problem, &options, &mut observer);
-        (solved.with_context(name)?, None)
-    };
+    let summary = bundle_adjustment::solve(problem, &options, &mut observer).with_context(name)?;
     let details = BundleDetails {
         problem: "bundle",
         format: source.format(),
@@ -219,7 +206,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
         dropped_observations,
         behind_camera_observations: summary.behind_camera,
         rebuilt,
-        split,
     };
     let residuals = residuals::rows(Some(&before), &bundle_cost(problem));
     let outcome = Solved { summary: summary.solve, residuals, details };

@@ -14,7 +14,6 @@ mod pose_graph;
 mod rebuild;
 mod report;
 mod residuals;
-mod split;
 
 use covis_solvers::optimizer::{self, Termination};
 
@@ -31,9 +30,6 @@ pub(super) struct Args {
 enum Problem {
     /// Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model.
     Bundle(bundle::Args),
-    /// Serves blocks of a bundle adjustment on standard input and output; `bundle --blocks` starts it.
-    #[command(hide = true)]
-    BundleWorker,
     /// A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed.
     PoseGraph(pose_graph::Args),
 }
@@ -44,7 +40,6 @@ pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
     optimizer::with_threads(Some(config.threads()), || {
         let termination = match args.problem {
             Problem::Bundle(args) => bundle::run(&args)?,
-            Problem::BundleWorker => return split::serve(),
             Problem::PoseGraph(args) => pose_graph::run(&args)?,
         };
         if termination == Termination::NumericalFailure {

@@ -46,20 +46,6 @@ impl Graph {
     }
 }
 
-/// How a graph's weight is to be dealt out to the two sides of a cut.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Balance {
-    /// The sides' shares, as whole numbers.
-    pub(super) shares: [u32; 2],
-    /// A side may have at most so many times its share.
-    pub(super) slack: f64,
-}
-
-impl Balance {
-    /// Halves, roughly, as dissection wants them.
-    pub(super) const HALVES: Self = Self { shares: [1, 1], slack: 1.3 };
-}
-
 /// A graph with weights.
 #[derive(Debug, Clone)]
 pub(super) struct Level {
@@ -68,7 +54,6 @@ pub(super) struct Level {
     pub(super) weights: Vec<u32>,
     /// Original edges along each entry of the neighbor lists.
     pub(super) edge_weights: Vec<u32>,
-    pub(super) balance: Balance,
 }
 
 impl Level {
@@ -76,6 +61,6 @@ impl Level {
     pub(super) fn of(graph: Graph) -> Self {
         let weights = vec![1; graph.count()];
         let edge_weights = vec![1; graph.items.len()];
-        Self { graph, weights, edge_weights, balance: Balance::HALVES }
+        Self { graph, weights, edge_weights }
     }
 }

@@ -4,7 +4,7 @@
 //! Vertices are matched along heavy edges and merged until few are left; there, regions grown from
 //! several seeds give a first cut; on the way back each level's cut is refined. Ties go to the lower
 //! index, so the same graph always gives the same cut. It cuts a graph once; recursion is in
-//! `dissection` and `parts`.
+//! `dissection`.
 
 use super::graph::{Graph, Level};
 use super::refinement::{Cut, SEPARATOR};
@@ -61,7 +61,7 @@ impl Level {
             weights.push(weight);
             graph.starts.push(graph.items.len());
         }
-        (Self { graph, weights, edge_weights, balance: self.balance }, coarse_of)
+        (Self { graph, weights, edge_weights }, coarse_of)
     }
 
     /// For each vertex the one that it is merged with, itself where there is none: along the
@@ -151,16 +151,15 @@ fn first_cut(level: &Level) -> Vec<u8> {
     best.map_or_else(Vec::new, |cut| cut.sides)
 }
 
-/// Side 0 is grown around `seed` to its share of the weight; what it touches separates.
+/// Side 0 is grown around `seed` to half of the weight; what it touches separates.
 fn grown(level: &Level, seed: usize) -> Vec<u8> {
     let count = level.graph.count();
-    let [share, other] = level.balance.shares.map(u64::from);
-    let wanted = share * level.weights.iter().map(|&weight| u64::from(weight)).sum::<u64>();
+    let total = level.weights.iter().map(|&weight| u64::from(weight)).sum::<u64>();
     let mut sides = vec![1u8; count];
     let mut reached = vec![false; count];
     let mut queue = Vec::with_capacity(count);
     let (mut next, mut start, mut weight) = (0, 0, 0);
-    while (share + other) * weight < wanted {
+    while 2 * weight < total {
         if next == queue.len() {
             // The piece is used up: on with the seed at first, then with the lowest vertex left.
             let found =

@@ -8,10 +8,13 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::graph::{Balance, Level};
+use super::graph::Level;
 
 /// The side of the vertices that part the other two.
 pub(super) const SEPARATOR: u8 = 2;
+
+/// A side may have at most so many times half of the weight.
+const SLACK: f64 = 1.3;
 
 /// Passes, and moves in a row without a better state.
 const PASSES: usize = 6;
@@ -41,25 +44,16 @@ impl<'a> Cut<'a> {
         self.weights.iter().sum()
     }
 
-    /// The most weight that each side may have.
-    fn limits(&self) -> [i64; 2] {
-        let Balance { shares, slack } = self.level.balance;
-        let whole = f64::from(shares[0] + shares[1]);
-        shares.map(|share| (slack * f64::from(share) / whole * self.total() as f64) as i64)
+    /// The most weight that a side may have.
+    fn limit(&self) -> i64 {
+        (SLACK / 2.0 * self.total() as f64) as i64
     }
 
-    /// The sides' shares.
-    fn shares(&self) -> [i64; 2] {
-        self.level.balance.shares.map(i64::from)
-    }
-
-    /// Less is better: what a side has too much, the separator's weight, how far the sides are from
-    /// their shares.
+    /// Less is better: what a side has too much, the separator's weight, how much the sides differ.
     pub(super) fn score(&self) -> (i64, i64, i64) {
         let [left, right, separator] = self.weights;
-        let ([left_limit, right_limit], [left_share, right_share]) = (self.limits(), self.shares());
-        let excess = (left - left_limit).max(right - right_limit).max(0);
-        (excess, separator, (left * right_share - right * left_share).abs())
+        let excess = (left.max(right) - self.limit()).max(0);
+        (excess, separator, (left - right).abs())
     }
 
     fn weight(&self, v: u32) -> i64 {
@@ -152,7 +146,7 @@ impl<'a> Cut<'a> {
         heaps: &mut [BinaryHeap<Candidate>; 2],
         is_moved: &[bool],
     ) -> Option<(u32, u8)> {
-        let (limits, shares) = (self.limits(), self.shares());
+        let limit = self.limit();
         let mut best: Option<(i64, i64, u32, u8)> = None;
         for side in [0u8, 1] {
             let heap = &mut heaps[usize::from(side)];
@@ -166,11 +160,9 @@ impl<'a> Cut<'a> {
                 }
                 let (own, other) =
                     (self.weights[usize::from(side)], self.weights[usize::from(1 - side)]);
-                let [limit, share] = [limits[usize::from(side)], shares[usize::from(side)]];
-                let other_share = shares[usize::from(1 - side)];
                 let heavier = own + self.weight(v);
-                let candidate = (gain, -own * other_share, v, side);
-                if (heavier <= limit || heavier * other_share <= other * share)
+                let candidate = (gain, -own, v, side);
+                if (heavier <= limit || heavier <= other)
                     && best.is_none_or(|best| (candidate.0, candidate.1) > (best.0, best.1))
                 {
                     best = Some(candidate);

@@ -43,7 +43,9 @@ pub(super) fn eliminate(
     lift: impl Fn(Target<'_>) + Sync,
 ) -> Result<(), BadPivot> {
     let Shape { pivots, stride, .. } = shape;
-    assemble(shape, panel, (cut, interrupt), &lift);
+    strips((stride, 0), panel, cut, interrupt, |first_column, columns| {
+        lift(Target { columns, stride, first_row: 0, first_column });
+    });
     cholesky(class, panel, (stride, pivots), matches!(cut, Cut::Dealt(_)), interrupt)?;
     let source = Source { columns: panel, stride };
     let (stride, first_row) = (shape.update_stride(), shape.update_row());
@@ -53,19 +55,6 @@ pub(super) fn eliminate(
         lift(Target { columns, stride, first_row, first_column });
     });
     Ok(())
-}
-
-/// Adds the children's update matrices to the panel of a front.
-#[inline]
-pub(super) fn assemble(
-    Shape { stride, .. }: Shape,
-    panel: &mut [f64],
-    (cut, interrupt): (Cut, &Interrupt),
-    lift: impl Fn(Target<'_>) + Sync,
-) {
-    strips((stride, 0), panel, cut, interrupt, |first_column, columns| {
-        lift(Target { columns, stride, first_row: 0, first_column });
-    });
 }
 
 /// Cholesky of the first `pivots` columns, all that `panel` holds; bad pivots count from its first.

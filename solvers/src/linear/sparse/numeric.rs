@@ -8,7 +8,7 @@
 //! owner and one order of operations, so the bits do not depend on the number of threads. The order of
 //! elimination is that of the plan.
 
-use super::columns::{COLUMNS_PER_TASK, Cut, PARALLEL_FLOPS, assemble, eliminate};
+use super::columns::{COLUMNS_PER_TASK, Cut, PARALLEL_FLOPS, eliminate};
 use super::front::{Lift, fill};
 use super::kernels::{BadPivot, Target};
 use super::plan::{Node, Plan, Run};
@@ -30,9 +30,6 @@ pub(super) struct Numeric<'a> {
     pub(super) interrupt: &'a Interrupt,
     /// Whether there is more than one thread.
     pub(super) is_parallel: bool,
-    /// A node that is assembled and not eliminated: its panel is then what the others leave of the
-    /// matrix in its rows.
-    pub(super) border: Option<u32>,
 }
 
 /// A subtree with its part of the factor and of the space for update matrices.
@@ -207,10 +204,6 @@ impl<'a> Numeric<'a> {
             }
         };
         fill(self.plan, s as usize, (self.values, self.added), panel);
-        if self.border == Some(s) {
-            assemble(node.shape, panel, (cut, self.interrupt), lift);
-            return Ok(());
-        }
         eliminate(self.class, node.shape, [panel, update], (cut, self.interrupt), lift)
             .map_err(|bad| bad.after(node.first))
     }

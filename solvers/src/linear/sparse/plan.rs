@@ -11,7 +11,7 @@
 use std::ops::Range;
 
 use super::shape::Shape;
-use super::supernodes::{FRONT, Ordered, Supernodes, amalgamate, amalgamate_apart};
+use super::supernodes::{FRONT, Ordered, Supernodes, amalgamate};
 use crate::linear::error::LinearError;
 use crate::linear::ordering::{Elimination, NO_PARENT, earlier_neighbors};
 use crate::linear::pattern::BlockPattern;
@@ -109,17 +109,6 @@ impl Plan {
         order: &[u32],
         elimination: &Elimination,
     ) -> Result<Self, LinearError> {
-        Self::with_border(pattern, order, elimination, order.len())
-    }
-
-    /// The same where the blocks from position `border` of the order on, which are all tied to each
-    /// other, are one node, the last.
-    pub(super) fn with_border(
-        pattern: &BlockPattern,
-        order: &[u32],
-        elimination: &Elimination,
-        border: usize,
-    ) -> Result<Self, LinearError> {
         let dimension = pattern.dimension();
         let too_large = LinearError::TooLarge { dimension };
         if u32::try_from(pattern.value_count()).is_err()
@@ -128,7 +117,7 @@ impl Plan {
             return Err(too_large);
         }
         let sizes: Vec<usize> = order.iter().map(|&b| pattern.sizes()[b as usize]).collect();
-        let supernodes = amalgamate_apart(&sizes, elimination, FRONT, border);
+        let supernodes = amalgamate(&sizes, elimination, FRONT);
         let ordered = supernodes.ordered(order);
         Self::laid_out(pattern, &supernodes, &ordered).ok_or(too_large)
     }

@@ -67,18 +67,7 @@ fn cost(k: f64, m: f64, front: f64) -> f64 {
 /// Supernodes of a postordered elimination over blocks of the given sizes; a front costs `front` by
 /// itself.
 pub(super) fn amalgamate(sizes: &[usize], elimination: &Elimination, front: f64) -> Supernodes {
-    amalgamate_apart(sizes, elimination, front, sizes.len())
-}
-
-/// The same, with nothing joined across position `border`: the blocks from there on, which are all tied
-/// to each other, are one supernode, the last.
-pub(super) fn amalgamate_apart(
-    sizes: &[usize],
-    elimination: &Elimination,
-    front: f64,
-    border: usize,
-) -> Supernodes {
-    let maximal = maximal(sizes, elimination, border);
+    let maximal = maximal(sizes, elimination);
     let count = maximal.len();
     let node_of = numbers(&maximal, sizes.len());
     let pivots = maximal.iter().map(|range| sizes[range.clone()].iter().sum::<usize>() as f64);
@@ -92,9 +81,6 @@ pub(super) fn amalgamate_apart(
     let mut merged = vec![false; count];
     for s in (0..count).filter(|&s| parents[s] != NO_PARENT) {
         let p = parents[s] as usize;
-        if maximal[p].start >= border {
-            continue;
-        }
         let apart = cost(pivots[s], below[s], front) + cost(pivots[p], below[p], front);
         if cost(pivots[s] + pivots[p], below[p], front) <= apart {
             merged[s] = true;
@@ -113,13 +99,12 @@ fn numbers(ranges: &[Range<usize>], count: usize) -> Vec<u32> {
     numbers
 }
 
-/// Ranges of blocks with nested structures, none of which contains both sides of position `border`.
-fn maximal(sizes: &[usize], elimination: &Elimination, border: usize) -> Vec<Range<usize>> {
+/// Ranges of blocks with nested structures.
+fn maximal(sizes: &[usize], elimination: &Elimination) -> Vec<Range<usize>> {
     let mut ranges = Vec::new();
     let mut start = 0;
     for j in 0..sizes.len() {
         let continues = j + 1 < sizes.len()
-            && j + 1 != border
             && elimination.parents[j] == j as u32 + 1
             && elimination.heights[j] == elimination.heights[j + 1] + sizes[j + 1];
         if !continues {

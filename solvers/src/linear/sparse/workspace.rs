@@ -1,5 +1,4 @@
-//! A plan with the memory that its factorizations and solves take, and the steps that a whole and a
-//! partial factorization share. Which nodes are eliminated is up to its callers.
+//! A plan with the memory that its factorizations and solves take, and the steps of both.
 
 use std::sync::Arc;
 
@@ -18,8 +17,6 @@ use crate::simd::Class;
 pub(super) struct Workspace {
     pub(super) pattern: Arc<BlockPattern>,
     pub(super) plan: Plan,
-    /// The node that is not eliminated, if there is one.
-    pub(super) border: Option<u32>,
     pub(super) factor: Aligned,
     /// Update matrices.
     space: Aligned,
@@ -33,11 +30,7 @@ pub(super) struct Workspace {
 }
 
 impl Workspace {
-    pub(super) fn new(
-        pattern: Arc<BlockPattern>,
-        plan: Plan,
-        border: Option<u32>,
-    ) -> Result<Self, LinearError> {
+    pub(super) fn new(pattern: Arc<BlockPattern>, plan: Plan) -> Result<Self, LinearError> {
         let dimension = pattern.dimension();
         let memory = |length| Aligned::new(length).ok_or(LinearError::OutOfMemory { dimension });
         Ok(Self {
@@ -49,7 +42,6 @@ impl Workspace {
             factored: false,
             pattern,
             plan,
-            border,
         })
     }
 
@@ -58,7 +50,7 @@ impl Workspace {
         self.factored = false;
     }
 
-    /// Factors H + D, all but the border; `added_diagonal` is D, or empty for zero.
+    /// Factors H + D; `added_diagonal` is D, or empty for zero.
     pub(super) fn factor_until(
         &mut self,
         matrix: &BlockMatrix,
@@ -74,7 +66,6 @@ impl Workspace {
             class: self.class,
             interrupt,
             is_parallel: rayon::current_num_threads() > 1,
-            border: self.border,
         };
         let outcome = numeric.run(self.factor.slice_mut(), self.space.slice_mut());
         if interrupt.is_due() {
@@ -107,12 +98,11 @@ impl Workspace {
         }
     }
 
-    /// Sweeps the permuted vector through the factor of all nodes but the border.
+    /// Sweeps the permuted vector through the factor.
     pub(super) fn sweep(&mut self, sweep: Sweep, interrupt: &Interrupt) {
-        let eliminated = self.border.map_or(self.plan.nodes.len(), |border| border as usize);
         self.class.run(Triangular {
             plan: &self.plan,
-            nodes: &self.plan.nodes[..eliminated],
+            nodes: &self.plan.nodes,
             sweep,
             factor: self.factor.slice(),
             x: self.permuted.slice_mut(),
