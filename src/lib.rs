@@ -2,12 +2,12 @@
 //!
 //! Frontends stream keyframes over gRPC, covis keeps the map, refines it and pushes corrections
 //! back. `ARCHITECTURE.md` says how it is built. The modules, lowest first; some are of crates
-//! of their own (`covis_map`, `covis_client`, `covis_frontend`), and the mathematics is [`covis_solvers`]:
+//! of their own (`covis_map`, `covis_store`, `covis_client`, `covis_frontend`), and the mathematics is
+//! [`covis_solvers`]:
 //!
 //! | module | role |
 //! |---|---|
 //! | [`meter`] | counters, gauges and histograms as plain atomics |
-//! | `sync` | a mutex without poisoning |
 //! | [`map`] | the map and its invariants; no async, no wire |
 //! | [`place`] | place recognition: an index over the keyframes' descriptors |
 //! | [`loop_closing`] | which candidates for the place of a view are that place |
@@ -25,17 +25,16 @@ pub mod evaluation;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzzing;
-pub mod meter;
 pub mod report;
 pub mod service;
 #[cfg(test)]
 mod simulation;
-pub mod store;
-mod sync;
 
 pub use covis_client as client;
-pub(crate) use covis_client::decoding;
 pub use covis_client::wire;
 pub use covis_frontend as frontend;
 pub use covis_map as map;
 pub use covis_map::{loop_closing, place};
+pub use covis_store as store;
+pub use covis_store::meter;
+pub(crate) use covis_store::sync;

@@ -12,7 +12,7 @@ const PACKAGES: [(&str, &str, &str); 4] = [
     ("proto/covis/v1", "covis.v1", "client/src/wire/generated"),
     ("proto/covis/recording/v1", "covis.recording.v1", "src/cli/record/generated"),
     ("proto/foxglove", "foxglove", "src/cli/record/generated"),
-    ("proto/covis/storage/v1", "covis.storage.v1", "src/store/encoding/generated"),
+    ("proto/covis/storage/v1", "covis.storage.v1", "store/src/encoding/generated"),
 ];
 
 /// A compiler that has opened all files of a folder.

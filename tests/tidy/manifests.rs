@@ -69,7 +69,7 @@ fn no_version_is_listed_in_vain() {
 
 #[test]
 fn the_crates_below_stand_without_the_server() {
-    let walls: [(&str, &[&str]); 4] = [
+    let walls: [(&str, &[&str]); 5] = [
         (
             "solvers/Cargo.toml",
             &[
@@ -84,6 +84,7 @@ fn the_crates_below_stand_without_the_server() {
                 "covis-map",
             ],
         ),
+        ("store/Cargo.toml", &["tonic", "hyper", "covis ", "covis-front"]),
         (
             "map/Cargo.toml",
             &[
@@ -136,6 +137,7 @@ fn integration_tests_are_one_binary() {
         ("frontend/tests/", "frontend/Cargo.toml"),
         ("map/tests/", "map/Cargo.toml"),
         ("solvers/tests/", "solvers/Cargo.toml"),
+        ("store/tests/", "store/Cargo.toml"),
         ("tests/", "Cargo.toml"),
     ] {
         let listed = manifests()
@@ -190,13 +192,14 @@ fn every_bench_is_listed_by_one_crate() {
 #[test]
 fn the_fuzz_targets_have_the_profiles_and_lints_of_the_root() {
     /// What the targets do not build, and what is compiled for them apart, instrumented.
-    const APART: [&str; 10] = [
+    const APART: [&str; 11] = [
         "async-nats",
         "covis",
         "covis-client",
         "covis-frontend",
         "covis-fuzz",
         "covis-map",
+        "covis-store",
         "covis-solvers",
         "criterion",
         "prost-reflect",

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use crate::frontend::image::Image;
 use crate::frontend::input::encode;
-use crate::store::fuzzing::seeds as store;
 
 use super::wire_seeds;
 
@@ -32,10 +31,6 @@ pub(super) fn all() -> Vec<Seed> {
         COLMAP.map(|(name, files)| (name, joined(&files.map(str::as_bytes)))).into(),
     );
     put("colmap_binary", colmap_binary());
-    put("journal", store::journal());
-    put("journal_folder", store::journal_folder());
-    put("map_file", store::map_file());
-    put("snapshot", store::snapshot());
     put("volume", crate::frontend::dense::file::fuzzing::seeds());
     put("wire_item", wire_seeds::items());
     put("wire_requests", wire_seeds::requests());

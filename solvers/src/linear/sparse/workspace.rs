@@ -1,4 +1,5 @@
-//! A plan with the memory that its factorizations and solves take, and the steps of both.
+//! A plan with the memory that its factorizations and solves take, and the steps of both. The values of the
+//! matrix are the caller's.
 
 use std::sync::Arc;
 
