@@ -262,9 +262,6 @@ _covis() {
             covis__subcmd__help__subcmd__solve,bundle)
                 cmd="covis__subcmd__help__subcmd__solve__subcmd__bundle"
                 ;;
-            covis__subcmd__help__subcmd__solve,bundle-worker)
-                cmd="covis__subcmd__help__subcmd__solve__subcmd__bundle__subcmd__worker"
-                ;;
             covis__subcmd__help__subcmd__solve,pose-graph)
                 cmd="covis__subcmd__help__subcmd__solve__subcmd__pose__subcmd__graph"
                 ;;
@@ -460,9 +457,6 @@ _covis() {
             covis__subcmd__solve,bundle)
                 cmd="covis__subcmd__solve__subcmd__bundle"
                 ;;
-            covis__subcmd__solve,bundle-worker)
-                cmd="covis__subcmd__solve__subcmd__bundle__subcmd__worker"
-                ;;
             covis__subcmd__solve,help)
                 cmd="covis__subcmd__solve__subcmd__help"
                 ;;
@@ -471,9 +465,6 @@ _covis() {
                 ;;
             covis__subcmd__solve__subcmd__help,bundle)
                 cmd="covis__subcmd__solve__subcmd__help__subcmd__bundle"
-                ;;
-            covis__subcmd__solve__subcmd__help,bundle-worker)
-                cmd="covis__subcmd__solve__subcmd__help__subcmd__bundle__subcmd__worker"
                 ;;
             covis__subcmd__solve__subcmd__help,help)
                 cmd="covis__subcmd__solve__subcmd__help__subcmd__help"
@@ -1784,7 +1775,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__help__subcmd__solve)
-            opts="bundle bundle-worker pose-graph"
+            opts="bundle pose-graph"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1798,20 +1789,6 @@ _covis() {
             return 0
             ;;
         covis__subcmd__help__subcmd__solve__subcmd__bundle)
-            opts=""
-            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
-                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
-                return 0
-            fi
-            case "${prev}" in
-                *)
-                    COMPREPLY=()
-                    ;;
-            esac
-            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
-            return 0
-            ;;
-        covis__subcmd__help__subcmd__solve__subcmd__bundle__subcmd__worker)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
@@ -4214,7 +4191,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve)
-            opts="-h --threads --config --log --log-format --help bundle bundle-worker pose-graph help"
+            opts="-h --threads --config --log --log-format --help bundle pose-graph help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4244,7 +4221,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__bundle)
-            opts="-h --max-iterations --loss --json --out --report --fix-intrinsics --free-intrinsics --linear-solver --behind-camera --rebuild --blocks --workers --worker-memory-mib --scratch --threads --config --log --log-format --help"
+            opts="-h --max-iterations --loss --json --out --report --fix-intrinsics --free-intrinsics --linear-solver --behind-camera --rebuild --threads --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4278,52 +4255,6 @@ _covis() {
                     COMPREPLY=($(compgen -W "count drop" -- "${cur}"))
                     return 0
                     ;;
-                --blocks)
-                    COMPREPLY=($(compgen -f "${cur}"))
-                    return 0
-                    ;;
-                --workers)
-                    COMPREPLY=($(compgen -f "${cur}"))
-                    return 0
-                    ;;
-                --worker-memory-mib)
-                    COMPREPLY=($(compgen -f "${cur}"))
-                    return 0
-                    ;;
-                --scratch)
-                    COMPREPLY=($(compgen -f "${cur}"))
-                    return 0
-                    ;;
-                --threads)
-                    COMPREPLY=($(compgen -f "${cur}"))
-                    return 0
-                    ;;
-                --config)
-                    COMPREPLY=($(compgen -f "${cur}"))
-                    return 0
-                    ;;
-                --log)
-                    COMPREPLY=($(compgen -f "${cur}"))
-                    return 0
-                    ;;
-                --log-format)
-                    COMPREPLY=($(compgen -W "text json" -- "${cur}"))
-                    return 0
-                    ;;
-                *)
-                    COMPREPLY=()
-                    ;;
-            esac
-            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
-            return 0
-            ;;
-        covis__subcmd__solve__subcmd__bundle__subcmd__worker)
-            opts="-h --threads --config --log --log-format --help"
-            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
-                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
-                return 0
-            fi
-            case "${prev}" in
                 --threads)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -4348,7 +4279,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__help)
-            opts="bundle bundle-worker pose-graph help"
+            opts="bundle pose-graph help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4362,20 +4293,6 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__help__subcmd__bundle)
-            opts=""
-            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
-                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
-                return 0
-            fi
-            case "${prev}" in
-                *)
-                    COMPREPLY=()
-                    ;;
-            esac
-            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
-            return 0
-            ;;
-        covis__subcmd__solve__subcmd__help__subcmd__bundle__subcmd__worker)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )

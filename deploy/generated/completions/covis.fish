@@ -684,16 +684,15 @@ complete -c covis -n "__fish_covis_using_subcommand worker" -l log-format -d 'Ho
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand worker" -l accept-unsynced-replicas -d 'Take NATS servers that acknowledge before they sync: a loss of power of several of them loses what was acknowledged [env: COVIS_ACCEPT_UNSYNCED_REPLICAS]'
 complete -c covis -n "__fish_covis_using_subcommand worker" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle bundle-worker pose-graph help" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle bundle-worker pose-graph help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle bundle-worker pose-graph help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle bundle-worker pose-graph help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle bundle-worker pose-graph help" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle bundle-worker pose-graph help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle bundle-worker pose-graph help" -f -a "bundle-worker" -d 'Serves blocks of a bundle adjustment on standard input and output; `bundle --blocks` starts it'
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle bundle-worker pose-graph help" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle bundle-worker pose-graph help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l max-iterations -d 'Most iterations, rejected ones included' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l loss -d 'Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l out -d 'Write the solved problem in the input\'s own format, with 17 digits' -r -F
@@ -707,10 +706,6 @@ sparse-schur\t'A sparse factorization'
 iterative-schur\t'Conjugate gradients, without a factorization'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l behind-camera -d 'What becomes of observations whose landmark starts at or behind the camera\'s center plane' -r -f -a "count\t'They count like all others'
 drop\t'They are left out of the solve; the written file keeps them'"
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l blocks -d 'Cut the problem by covisibility into so many blocks, which worker processes solve together' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l workers -d 'Worker processes [default: a thread each, at most one a block]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l worker-memory-mib -d 'Memory for blocks that a worker keeps ready; others are read from the scratch file whenever they are needed, one at a time [default: all are kept]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l scratch -d 'Folder for the scratch file [default: that of the system]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
@@ -720,12 +715,6 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l fix-intrinsics -d 'Hold focal lengths, distortion and principal points fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l rebuild -d 'Throw poses and points of the file away and reconstruct them from its observations first; those that do not agree are left out of the solve'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle-worker" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle-worker" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle-worker" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle-worker" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
-json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle-worker" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l max-iterations -d 'Most iterations, rejected ones included' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l loss -d 'Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l out -d 'Write the solved problem in the input\'s own format, with 17 digits' -r -F
@@ -753,7 +742,6 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l incremental -d 'Take the vertices one by one in id order, each with its edges to lower ids, and keep the estimate at its optimum after each; tells how long a step takes'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "bundle-worker" -d 'Serves blocks of a bundle adjustment on standard input and output; `bundle --blocks` starts it'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "doctor" -d 'Look at a data directory without a server: verify, report, repair'
@@ -802,5 +790,4 @@ complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcom
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "export" -d 'Write a map to files'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "import" -d 'Create a map from files: an export of covis, COLMAP, g2o, or a trajectory'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from solve" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from solve" -f -a "bundle-worker" -d 'Serves blocks of a bundle adjustment on standard input and output; `bundle --blocks` starts it'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from solve" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
