@@ -27,8 +27,6 @@ pub mod evaluation;
 pub mod fuzzing;
 pub mod report;
 pub mod service;
-#[cfg(test)]
-mod simulation;
 
 pub use covis_client as client;
 pub use covis_client::wire;

@@ -74,9 +74,5 @@ pub use connections::ConnectionLimits;
 pub use jobs::{Worker, WorkerConfig};
 pub(crate) use jobs::{kind as kind_of_job, maps_of as maps_of_job};
 pub(crate) use printable::escaped;
-#[cfg(test)]
-pub(crate) use readers::Readers;
-#[cfg(test)]
-pub(crate) use server::Backend;
 pub use server::{RunningServer, Server, ServerError, StartingServer};
 pub use tls::{TlsError, TlsFiles};

@@ -32,8 +32,8 @@ impl Readers {
     }
 
     /// Without threads.
-    #[cfg(test)]
-    pub(crate) fn in_place() -> Self {
+    #[cfg(feature = "faults")]
+    pub(super) fn in_place() -> Self {
         Self(None)
     }
 

@@ -146,10 +146,33 @@ impl Server {
         Self::listen_to(incoming, address, config, None).await
     }
 
+    /// As [`Server::listen`] in a simulation: on one thread, with the sockets of a simulated network and the
+    /// store of a simulated disk. Jobs are kept in memory.
+    ///
+    /// # Errors
+    /// [`ServerError`] if something does not start.
+    #[cfg(feature = "faults")]
+    pub async fn listen_in_place<S: Socket>(
+        incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
+        address: SocketAddr,
+        config: ServerConfig,
+        store: FileStore,
+    ) -> Result<StartingServer, ServerError> {
+        let backend = Backend {
+            counted: store.meters(),
+            store: Arc::new(store),
+            pool: SolverPool::in_place(),
+            readers: Readers::in_place(),
+            job_files: JobFiles::in_memory(),
+            tasks: None,
+        };
+        Self::listen_to(incoming, address, config, Some(backend)).await
+    }
+
     /// As [`Server::listen`], with sockets of any kind that are accepted elsewhere, for example by
     /// a simulated network. `address` is the address that they connected to. Without a `backend`
     /// the server opens the one from its configuration.
-    pub(crate) async fn listen_to<S: Socket>(
+    async fn listen_to<S: Socket>(
         incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
         address: SocketAddr,
         config: ServerConfig,
@@ -235,17 +258,17 @@ impl Server {
 }
 
 /// Where a server keeps its maps and runs its solves.
-pub(crate) struct Backend {
-    pub(crate) store: Arc<dyn Store>,
+struct Backend {
+    store: Arc<dyn Store>,
     /// The meters of the store.
-    pub(crate) counted: Arc<StoreMeters>,
-    pub(crate) pool: Arc<SolverPool>,
+    counted: Arc<StoreMeters>,
+    pool: Arc<SolverPool>,
     /// The threads that build messages from maps.
-    pub(crate) readers: Readers,
+    readers: Readers,
     /// Where jobs are kept.
-    pub(crate) job_files: JobFiles,
+    job_files: JobFiles,
     /// Where problems are given to workers.
-    pub(crate) tasks: Option<Arc<dyn TaskQueue>>,
+    tasks: Option<Arc<dyn TaskQueue>>,
 }
 
 /// The maps' store, and where problems are given to workers.

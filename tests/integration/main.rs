@@ -123,6 +123,7 @@ mod rpc_violations;
 mod rpc_watch;
 mod rpc_watch_traffic;
 mod sequence;
+mod simulation;
 mod spans;
 mod spill;
 mod strangers;

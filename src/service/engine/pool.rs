@@ -160,7 +160,7 @@ impl SolverPool {
 
     /// A pool without threads, for simulations: solves run one after the other as tasks of the
     /// caller's runtime.
-    #[cfg(test)]
+    #[cfg(feature = "faults")]
     pub(crate) fn in_place() -> Arc<Self> {
         let workers = || Workers { threads: None, queue: Mutex::new(FairQueue::new(1)) };
         Arc::new(Self { small: workers(), large: workers(), accounts: Accounts::default() })

@@ -4,7 +4,7 @@
 
 use tonic::Code;
 
-use crate::client::ClientError;
+use covis::client::ClientError;
 
 /// A promise that does not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]

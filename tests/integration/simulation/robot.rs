@@ -17,8 +17,8 @@ use super::answer::{Answer, Step, answer, broken};
 use super::items::{CAMERA, is_closure, place_m};
 use super::sending::{Contents, retries, send};
 use super::world::World;
-use crate::client::{Client, ClientError, WatchOptions};
-use crate::wire::v1;
+use covis::client::{Client, ClientError, WatchOptions};
+use covis::wire::v1;
 
 /// Longest answer to a call that is not cut off.
 const PATIENCE: Duration = Duration::from_secs(5);

@@ -8,7 +8,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::wire::v1;
+use covis::wire::v1;
 use v1::ingest_request::Item;
 
 /// The sequence of the camera, which is a map's first item. Those of keyframes and closures, which are

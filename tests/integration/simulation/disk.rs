@@ -20,7 +20,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::nodes::{Crash, FileNode, FolderNode, NameChange, Node};
-use crate::store::{Disk, DiskFile};
+use covis::store::{Disk, DiskFile};
 
 /// What goes wrong from now on.
 #[derive(Clone, Debug, Default)]

@@ -22,10 +22,9 @@ use super::answer::Broken;
 use super::disk::{Faults, SimDisk};
 use super::nodes::Crash;
 use super::robot::Robot;
-use crate::client::Client;
-use crate::service::engine::SolverPool;
-use crate::service::{Backend, KeepAlive, Readers, Server, ServerConfig};
-use crate::store::{FileStore, FileStoreOptions, JobFiles};
+use covis::client::Client;
+use covis::service::{KeepAlive, Server, ServerConfig};
+use covis::store::{FileStore, FileStoreOptions};
 
 /// Small, so that a short run fills several files and takes snapshots.
 const FILES: FileStoreOptions = FileStoreOptions { segment_bytes: 1500, snapshot_bytes: 3000 };
@@ -332,13 +331,8 @@ async fn serve(disk: SimDisk) -> turmoil::Result {
     // As short as the robots', so that both ends find out by themselves that a link is dead.
     let keep_alive = KeepAlive { interval: PATIENCE, timeout: PATIENCE, ..KeepAlive::default() };
     let config = ServerConfig { max_maps: 4, keep_alive, ..ServerConfig::default() };
-    let (counted, pool) = (store.meters(), SolverPool::in_place());
-    let readers = Readers::in_place();
-    let job_files = JobFiles::in_memory();
-    let backend =
-        Some(Backend { store: Arc::new(store), counted, pool, readers, job_files, tasks: None });
     let incoming = ReceiverStream::new(incoming);
-    let Ok(starting) = Server::listen_to(incoming, address, config, backend).await else {
+    let Ok(starting) = Server::listen_in_place(incoming, address, config, store).await else {
         return Ok(());
     };
     let Ok(_running) = starting.open().await else { return Ok(()) };

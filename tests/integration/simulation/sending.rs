@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use super::answer::{Answer, Step, answer, broken};
 use super::items::item;
-use crate::client::{Client, ClientError, IngestSession, RetryPolicy, SessionOptions};
-use crate::wire::v1;
+use covis::client::{Client, ClientError, IngestSession, RetryPolicy, SessionOptions};
+use covis::wire::v1;
 
 /// A map that was created.
 #[derive(Clone, Debug, Default)]

@@ -1,5 +1,5 @@
 //! A simulation of the whole server: client, links, service, engine and store on one thread, with a
-//! disk, a clock and links that a seed decides. Compiled for tests only.
+//! disk, a clock and links that a seed decides.
 //!
 //! | module | role |
 //! |---|---|
