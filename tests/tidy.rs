@@ -8,6 +8,8 @@
 mod book;
 #[path = "tidy/edges.rs"]
 mod edges;
+#[path = "tidy/engine.rs"]
+mod engine;
 #[path = "tidy/manifests.rs"]
 mod manifests;
 #[path = "tidy/source.rs"]

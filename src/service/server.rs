@@ -21,6 +21,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+#[cfg(feature = "faults")]
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -152,8 +154,8 @@ impl Server {
     /// # Errors
     /// [`ServerError`] if something does not start.
     #[cfg(feature = "faults")]
-    pub async fn listen_in_place<S: Socket>(
-        incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
+    pub async fn listen_in_place<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
+        incoming: impl Stream<Item = io::Result<(S, SocketAddr)>> + Send + 'static,
         address: SocketAddr,
         config: ServerConfig,
         store: FileStore,

@@ -39,7 +39,7 @@ pub(super) use serving::{Transport, serve};
 pub(crate) type Accepted<S> = (S, SocketAddr);
 
 /// A socket that the transport can serve.
-pub trait Socket: AsyncRead + AsyncWrite + Unpin + Send + 'static {}
+pub(crate) trait Socket: AsyncRead + AsyncWrite + Unpin + Send + 'static {}
 
 impl<S: AsyncRead + AsyncWrite + Unpin + Send + 'static> Socket for S {}
 

@@ -35,7 +35,7 @@ struct Entry {
 
 /// The measurements of a map.
 #[derive(Debug, Default)]
-pub(super) struct MeasuredPairs(Mutex<Measurements>);
+pub(crate) struct MeasuredPairs(Mutex<Measurements>);
 
 #[derive(Debug, Default)]
 struct Measurements {
@@ -153,7 +153,7 @@ impl Measurements {
 
 /// A pair that is to be measured.
 #[derive(Debug)]
-pub(super) struct Unmeasured {
+pub(crate) struct Unmeasured {
     pair: Pair,
     revision: i64,
     input: Option<PairInput>,
@@ -178,7 +178,7 @@ impl MeasuredPairs {
 
     /// Takes in what the next change of the map, which makes `revision`, does to measurements; `map` is
     /// the map before it.
-    pub(super) fn note(&self, map: &Map, change: &Change, revision: i64) {
+    pub(crate) fn note(&self, map: &Map, change: &Change, revision: i64) {
         let entity = |id: &EntityId| map.keyframes().get(id).map(|k| (k.capture_time_ns, k));
         match change {
             Change::KeyframeAdded { id, capture_time_ns, observations, .. } => {
@@ -228,7 +228,7 @@ impl MeasuredPairs {
     }
 
     /// The pairs of `keyframe` and its neighbors in time that are not measured.
-    pub(super) fn unmeasured_near(&self, map: &Map, keyframe: EntityId) -> Vec<Unmeasured> {
+    pub(crate) fn unmeasured_near(&self, map: &Map, keyframe: EntityId) -> Vec<Unmeasured> {
         let mut pairs = near_pairs(map, keyframe);
         let known = self.known();
         pairs.retain(|&pair| known.get(pair, map.revision()).is_none());
@@ -237,7 +237,7 @@ impl MeasuredPairs {
     }
 
     /// Measures pairs.
-    pub(super) fn measure(&self, pairs: Vec<Unmeasured>) {
+    pub(crate) fn measure(&self, pairs: Vec<Unmeasured>) {
         for pair in pairs {
             let (pair, entry) = pair.measure();
             self.known().keep(pair, entry);
@@ -246,7 +246,7 @@ impl MeasuredPairs {
 
     /// Measures what is missing of the pairs of `map`, until `interrupt` is due, and forgets all others.
     /// Returns the measurement of each pair.
-    pub(super) fn complete(
+    pub(crate) fn complete(
         &self,
         map: &Map,
         pairs: &GraphPairs<'_>,

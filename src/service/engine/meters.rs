@@ -6,16 +6,13 @@
 use std::future::poll_fn;
 use std::pin::pin;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use covis_solvers::optimizer::Termination;
 
-use super::MapHandle;
-use super::handle::Condition;
-use super::solve::Outcome;
 use crate::map::{Change, Held, Reason, SolveKind};
 use crate::meter::{Counter, Gauge, GaugeGuard, Histogram};
+use crate::service::engine::outcome::Outcome;
 
 /// Why items are rejected, in the order of [`Reason`] and of the counters.
 const REASONS: [&str; 14] = [
@@ -275,42 +272,6 @@ impl EngineMeters {
     pub fn request_solve(&self) -> QueuedSolve {
         let [.., request] = &self.solves;
         request.queued()
-    }
-}
-
-/// The maps of a server and their queues at one moment.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MapCounts {
-    /// Maps that accept changes.
-    pub open: u64,
-    /// Maps that are read-only by request.
-    pub frozen: u64,
-    /// Maps that a bug made read-only.
-    pub poisoned: u64,
-    /// Maps that are read-only because they lost data or cannot write.
-    pub damaged: u64,
-    /// Items that wait in all queues.
-    pub queued: u64,
-    /// Room for items in all queues.
-    pub queue_capacity: u64,
-    /// How full the fullest queue is, 0 to 1.
-    pub fullest: f64,
-}
-
-impl MapCounts {
-    /// Adds a map.
-    pub(super) fn add(&mut self, handle: &MapHandle) {
-        match *handle.shared.condition() {
-            Condition::Open if handle.shared.frozen.load(Ordering::Relaxed) => self.frozen += 1,
-            Condition::Open => self.open += 1,
-            Condition::Poisoned => self.poisoned += 1,
-            Condition::Damaged(_) => self.damaged += 1,
-        }
-        let capacity = handle.items.max_capacity();
-        let queued = capacity - handle.items.capacity().min(capacity);
-        self.queued += queued as u64;
-        self.queue_capacity += capacity as u64;
-        self.fullest = self.fullest.max(queued as f64 / capacity.max(1) as f64);
     }
 }
 

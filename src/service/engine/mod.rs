@@ -9,68 +9,63 @@
 //! acks, epochs, resume and watching. This module uses no tonic and no wire types, and has no
 //! mathematics.
 //!
-//! | file | role |
+//! ```text
+//!            maps          all maps of a server: create, open, import, merge, share, delete
+//!              │
+//!            handle        what a caller holds: the handle of a map, an ingest stream, a watch
+//!              │ requests, items
+//!            actor         the task: its loop hands values from one part to another
+//!   ┌───────┬──┴────┬───────────┬──────────┐
+//! ingest  journal  solving  recognition  watching     parts: each owns its state, none knows another
+//!   └───────┴───────┴───────────┴──────────┘
+//!         context, pool, account, …                   what all of them share
+//! ```
+//!
+//! A module uses those below it only; `tests/tidy/engine.rs` has the floors.
+//!
+//! | module | role |
 //! |---|---|
-//! | `maps`, `opening` | all maps of a server: create, open, delete, shut down; their names |
-//! | `importing` | creating a map with content |
-//! | `merging`, `joining` | maps that become one and part again; what an engine does meanwhile |
-//! | `sharing` | maps that several servers share |
-//! | `handle`, `stream` | the caller's side: the handle of a map, an ingest stream |
-//! | `actor` | the task: its loop hands events from one of the parts below to another |
-//! | `items` | what one item goes through |
+//! | `maps` | all maps of a server and their names; `opening`, `importing`, `merging`, `sharing`, `counts` |
+//! | `handle` | the caller's side; `stream`: items in, events out; `watch`: changes joined, and missed ones read from the journal; `compacting` |
+//! | `actor` | the loop, and what it does with the values of the parts |
+//! | `actor::commit` | the one way in which a map changes |
+//! | `actor::items` | what one item goes through |
+//! | `actor::solves`, `closures`, `searches` | the ends of solves, of what follows a closure, of searches for places |
+//! | `actor::requests`, `update`, `merging` | what handles ask; a change of name, policy or state; maps that become one |
+//! | `actor::settled` | whether the engine still does something by itself |
 //! | `ingest` | open streams, their acks, and which items are accepted |
-//! | `durability` | the journal, DURABLE acks, snapshots |
-//! | `schedule` | which items wait for which solve |
-//! | `solving`, `solve` | starting and ending a solve; its body |
-//! | `rebuilding` | the body of a solve that starts from observations alone |
-//! | `cancellation` | whether a requested change may still be made, or is canceled |
-//! | `compacting` | a map made smaller on request: redundant keyframes and old journal go |
-//! | `background` | what follows a loop closure while items are accepted: comparing places, adjusting the map |
+//! | `journal` | events on their way to the disk, DURABLE acks, snapshots |
+//! | `solving` | starting solves; `schedule`: which items wait for which; `whole`, `window`, `rebuild`: their bodies; `after_closures`: comparing places and adjusting the map |
 //! | `recognition` | searching the places that keyframes show again |
-//! | `places` | the index of a map's places |
-//! | `pending` | what the engine still does by itself: whether a map is settled |
-//! | `updating` | a requested change of name, policy or state |
-//! | `measured_pairs` | relative poses of keyframes that a pose graph need not measure again |
-//! | `watching`, `touched` | what the engine tells watchers: what the last events touched |
-//! | `watch` | the watcher's side: changes joined, and missed ones read from the journal |
+//! | `watching` | the log for watchers; `touched`: the ids that events touch |
+//! | `context` | what an engine, its parts and its handles share |
+//! | `events`, `outcome` | values: entries of the queue and their answers; what a solve is asked for and what it made |
+//! | `places`, `measured_pairs` | caches of what the map determines: the index of places, relative poses of keyframes |
+//! | `merged_name` | the name of a map that became part of another one |
+//! | `cancellation` | whether a requested change may still be made |
 //! | `meters`, `error` | counters and histograms; why the engine does not do something |
-//! | `pool`, `fair_queue` | the threads of solves and computations, and the order of solves |
+//! | `pool` | the threads of solves and computations; `fair_queue`: the order of solves |
 //! | `account` | resources that each map, each tenant and the server hold, and their limits |
 
 mod account;
 mod actor;
-mod background;
 mod cancellation;
-mod compacting;
-mod durability;
+mod context;
 mod error;
-mod fair_queue;
+mod events;
 mod handle;
-mod importing;
 mod ingest;
-mod items;
-mod joining;
+mod journal;
 mod maps;
 mod measured_pairs;
-mod merging;
+mod merged_name;
 mod meters;
-mod opening;
-mod pending;
+mod outcome;
 mod places;
 mod pool;
-mod rebuilding;
 mod recognition;
-mod results;
-mod schedule;
-mod sharing;
-mod solve;
 mod solving;
-mod stream;
-mod touched;
-mod updating;
-mod watch;
 mod watching;
-mod window_solve;
 
 use covis_solvers::price::Ceiling;
 
@@ -78,28 +73,29 @@ pub use account::{
     Account, AccountLimits, AccountRow, Accounts, Reservation, Resource, SEPARATOR, limit_name,
     tenant_of,
 };
+pub use actor::update::{MapUpdate, PolicyUpdate};
 pub use cancellation::Cancellation;
-pub use compacting::Compacted;
+pub use context::{MapInfo, MapState, PendingWork};
 pub use error::EngineError;
-pub use fair_queue::{FairQueue, Turn};
-pub use handle::{MapHandle, MapInfo, MapState};
-pub use importing::{ImportRoom, ImportedAs};
+pub use events::{Ack, AckStatus, Opened, SolveReport, StreamEvent};
+pub use handle::MapHandle;
+pub use handle::compacting::Compacted;
+pub use handle::stream::{IngestStream, ItemSender};
+pub use handle::watch::{MapChange, Watch};
 pub use maps::Maps;
-pub use merging::{LinkRequest, MergeOutcome, MergeRequest};
-pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
-pub use pending::PendingWork;
+pub use maps::counts::MapCounts;
+pub use maps::importing::{ImportRoom, ImportedAs};
+pub use maps::merging::{LinkRequest, MergeOutcome, MergeRequest};
+pub use meters::{EngineMeters, QueuedSolve, SolveMeters};
+pub use outcome::{
+    ClosureCounts, GaugeKind, HeldKeyframe, OptimizeCounts, OptimizeOptions, OptimizeOutcome,
+    OptimizeProblem, Rebuilt, SolveCertificate, SolveStep, SolverKind, UnplacedKeyframe,
+};
 pub use places::UnknownType;
+pub use pool::fair_queue::{FairQueue, Turn};
 pub(crate) use pool::panic_message;
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
-pub use rebuilding::{Rebuilt, UnplacedKeyframe};
-pub use solve::{
-    ClosureCounts, GaugeKind, HeldKeyframe, OptimizeCounts, OptimizeOptions, OptimizeOutcome,
-    OptimizeProblem, SolveCertificate, SolveStep, SolverKind,
-};
-pub use stream::{Ack, AckStatus, IngestStream, ItemSender, Opened, SolveReport, StreamEvent};
-pub use touched::Touched;
-pub use updating::{MapUpdate, PolicyUpdate};
-pub use watch::{MapChange, Watch};
+pub use watching::touched::Touched;
 
 /// How the engines of a server run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -43,14 +43,14 @@ impl UnknownType {
 
 /// The index of a map's places.
 #[derive(Debug, Default)]
-pub(super) struct Places {
+pub(crate) struct Places {
     known: RwLock<Indexed>,
     /// Memory of the index.
     bytes: AtomicU64,
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Indexed {
+pub(crate) struct Indexed {
     index: PlaceIndex,
     /// What each keyframe was indexed with.
     indexed: BTreeMap<EntityId, Entry>,
@@ -146,7 +146,7 @@ impl Places {
 
     /// The index, where it takes more memory than `map` counts for it: keyframes left the map and nothing
     /// was searched since, or nothing is to be searched any more. Does not wait for who uses it.
-    pub(super) fn take_excess(&self, map: &Map) -> Option<Indexed> {
+    pub(crate) fn take_excess(&self, map: &Map) -> Option<Indexed> {
         let most = if map.policy().place_recognition { map.descriptor_bytes() + LEAST } else { 0 };
         if self.bytes.load(Ordering::Relaxed) <= most {
             return None;
@@ -159,7 +159,7 @@ impl Places {
     /// Indexes a piece of what the index lacks of a map: a tenth of a second at most, so that whoever has
     /// much to index can give its thread to others in between. Whether nothing is left to do: the index is
     /// as new as the map, or the interrupt is due.
-    pub(super) fn advance(&self, map: &Map, interrupt: &Interrupt) -> bool {
+    pub(crate) fn advance(&self, map: &Map, interrupt: &Interrupt) -> bool {
         if interrupt.is_due() || self.read().is_current(map) {
             return true;
         }
@@ -177,7 +177,7 @@ impl Places {
     ///
     /// # Errors
     /// [`PlaceError`] where the view has more descriptors than a keyframe may have.
-    pub(super) fn candidates(
+    pub(crate) fn candidates(
         &self,
         map: &Map,
         view: &QueryView<'_>,
@@ -207,7 +207,7 @@ impl Places {
 
     /// What is wrong with the descriptors of a view, if none of its features, or its image, has a type
     /// that the index holds. An index without descriptors refuses none.
-    pub(super) fn unknown_type(&self, view: &QueryView<'_>) -> Option<UnknownType> {
+    pub(crate) fn unknown_type(&self, view: &QueryView<'_>) -> Option<UnknownType> {
         let known = self.read();
         let (indices, features) = view.searchable();
         let types: Vec<_> = known.index.descriptor_types().collect();
@@ -225,7 +225,7 @@ impl Places {
     }
 
     /// Why the index does not hold a keyframe, if it was refused.
-    pub(super) fn refusal(&self, keyframe: EntityId) -> Option<PlaceRefusal> {
+    pub(crate) fn refusal(&self, keyframe: EntityId) -> Option<PlaceRefusal> {
         self.read().indexed.get(&keyframe)?.refusal.as_deref().cloned()
     }
 }
