@@ -10,6 +10,7 @@ use std::ops::Range;
 use crate::problem::{BundleProblem, SolveError};
 
 use super::sorted::{Chunk, Sorted, Tile};
+use super::state_factors::{self, Variable};
 
 /// Marks a variable that is not in the reduced system.
 pub(super) const NO_BLOCK: u32 = u32::MAX;
@@ -23,6 +24,15 @@ pub(super) struct Part {
     pub(super) column: usize,
     /// Number of columns: the block's size, or its leading 6 for a second camera on the pose.
     pub(super) size: usize,
+}
+
+/// Where a variable is in the reduced system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    /// The block.
+    pub(super) block: usize,
+    /// First of the variable's columns in it.
+    pub(super) column: usize,
 }
 
 /// A pair (pose, camera) with its free columns.
@@ -67,10 +77,7 @@ impl Blocks {
             shared[camera as usize] |= user.is_some_and(|other| other != pose);
             *user = Some(pose);
         }
-        let pose_factors = problem.relative_poses.iter().flat_map(|f| [f.i, f.j]);
-        let priors = problem.pose_priors.iter().map(|f| f.pose);
-        let positions = problem.position_priors.iter().map(|f| f.pose);
-        for pose in pose_factors.chain(priors).chain(positions) {
+        for Variable::Pose(pose) in state_factors::all(problem).flat_map(|f| f.variables()) {
             used[pose] = true;
         }
         for &(pose, camera) in views {
@@ -176,6 +183,14 @@ impl Layout {
             parts.push(Part { block: camera_block, column: 6, size: unknowns });
         }
         View { pose, camera, parts }
+    }
+
+    /// Where the variable of a state factor is, `None` where it is constant.
+    pub(super) fn place(&self, variable: Variable) -> Option<Place> {
+        let (block, column) = match variable {
+            Variable::Pose(pose) => (self.pose_block[pose], 0),
+        };
+        (block != NO_BLOCK).then_some(Place { block: block as usize, column })
     }
 
     /// The chunks of landmarks.

@@ -7,6 +7,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, Matrix6x3, Vector6};
 
+use super::state_factors::{self, Linearized, Sink, Variable};
 use crate::factors::{PairLinearization, RelativePose};
 use crate::geometry::Se3;
 use crate::problem::BundleProblem;
@@ -36,7 +37,10 @@ impl Marginals {
         let count = place.iter().flatten().count();
         let mut reduced = DMatrix::<f64>::zeros(BLOCK * count, BLOCK * count);
         add_observations(problem, &place, &mut reduced);
-        add_pose_factors(problem, &place, &mut reduced);
+        let mut sink = DenseSink { place: &place, reduced: &mut reduced };
+        for factor in state_factors::all(problem) {
+            factor.linearize(problem, &mut sink);
+        }
         let covariance = reduced.cholesky()?.inverse();
         Some(Self { place, covariance })
     }
@@ -152,32 +156,33 @@ fn pseudo_inverse(information: &Matrix3<f64>) -> Matrix3<f64> {
     eigen.eigenvectors * Matrix3::from_diagonal(&inverses) * eigen.eigenvectors.transpose()
 }
 
-fn add_pose_factors(problem: &BundleProblem, place: &[Option<usize>], reduced: &mut DMatrix<f64>) {
-    for factor in &problem.relative_poses {
-        let lin = linearized(problem, factor);
-        let loss = factor.loss.unwrap_or(problem.relative_pose_loss);
-        let weight = loss.evaluate(factor.information.squared_norm(&lin.residual)).weight;
-        let information = factor.information.matrix() * weight;
-        let ends = [(place[factor.i], lin.d_i), (place[factor.j], lin.d_j)];
-        for (a, of_a) in ends {
-            for (b, of_b) in ends {
-                if let (Some(a), Some(b)) = (a, b) {
-                    add(reduced, a, b, &(of_a.transpose() * information * of_b));
-                }
+/// Sums the state factors into the matrix.
+struct DenseSink<'a> {
+    place: &'a [Option<usize>],
+    reduced: &'a mut DMatrix<f64>,
+}
+
+impl Sink for DenseSink<'_> {
+    fn add<const R: usize, const C: usize, const K: usize>(
+        &mut self,
+        factor: &Linearized<'_, R, C, K>,
+    ) {
+        let Linearized { residual, jacobian, information, .. } = factor;
+        let weight = factor.loss.evaluate(information.squared_norm(residual)).weight;
+        // Both are ρ' JᵀΩ. The order decides the last bits, and stored results have these.
+        let left = match K {
+            1 => weight * jacobian.transpose() * information.matrix(),
+            _ => jacobian.transpose() * (information.matrix() * weight),
+        };
+        let hessian = left * jacobian;
+        let ends = factor.columns().map(|(Variable::Pose(pose), columns)| {
+            self.place[pose].map(|place| (place, columns.start))
+        });
+        for &(a, row) in ends.iter().flatten() {
+            for &(b, column) in ends.iter().flatten() {
+                add(self.reduced, a, b, &hessian.fixed_view::<BLOCK, BLOCK>(row, column).into());
             }
         }
-    }
-    for prior in &problem.pose_priors {
-        let Some(at) = place[prior.pose] else { continue };
-        let (residual, d_pose) = prior.linearize(&problem.poses[prior.pose]);
-        let weight = prior.loss.evaluate(prior.information.squared_norm(&residual)).weight;
-        add(reduced, at, at, &(weight * d_pose.transpose() * prior.information.matrix() * d_pose));
-    }
-    for prior in &problem.position_priors {
-        let Some(at) = place[prior.pose] else { continue };
-        let (residual, d_pose) = prior.linearize(&problem.poses[prior.pose]);
-        let weight = prior.loss.evaluate(prior.information.squared_norm(&residual)).weight;
-        add(reduced, at, at, &(weight * d_pose.transpose() * prior.information.matrix() * d_pose));
     }
 }
 

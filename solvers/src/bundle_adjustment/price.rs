@@ -15,10 +15,10 @@ use super::blocks::Block;
 use super::landmarks::LandmarkGroup;
 use super::layout::{Layout, Part, View};
 use super::observe::ViewRecord;
-use super::pose_factors;
 use super::product::ProductSums;
 use super::reduce::SOURCE_BYTES;
 use super::sorted::GROUPS;
+use super::state_factors::{self, Variable};
 
 /// A vector that grows item by item has up to twice its length, beside its former self.
 const GROWTH: u64 = 3;
@@ -89,10 +89,12 @@ impl Costs {
         let per_chunk = count(layout.chunks().len()) * (scratch + inner + 4096);
         let sums = chunk_views * count(ChunkSums::<D, V, T, R>::VIEW_BYTES)
             + chunk_views * GROWTH * (4 + 2 * (SOURCE_BYTES + 32));
-        // The diagonal, and H of the pose factors on its own pattern.
-        let tied = if pose_factors::has_any(problem) {
-            let pairs = count(problem.relative_poses.len());
-            count(squares) * 8 + pairs * (8 * 36 + 16 * GROWTH + 24) + blocks * 64
+        // The diagonal, and H of the state factors on its own pattern.
+        let tied = if state_factors::has_any(problem) {
+            let pairs = state_factors::all(problem).flat_map(|factor| factor.pairs());
+            let pair_bytes = |(a, b): (Variable, Variable)| count(8 * a.size() * b.size());
+            let pairs: u64 = pairs.map(|pair| pair_bytes(pair) + 16 * GROWTH + 24).sum();
+            count(squares) * 8 + pairs + blocks * 64
         } else {
             0
         };

@@ -14,9 +14,9 @@ use crate::problem::{BundleProblem, SolveError};
 use super::LinearSolver;
 use super::covisible::{ChunkPairs, can_be_numbered, covisible_pairs, most_slots, slot_count};
 use super::layout::Layout;
-use super::pose_factors;
 use super::price::Costs;
 use super::reduce::block_pairs;
+use super::state_factors;
 
 /// What a multiplication with the pairs of a landmark costs, as a share of one with its observations
 /// in conjugate gradients; and what a flop of a factorization costs.
@@ -129,7 +129,7 @@ fn plan(
     let lists = |slots| Price { bytes: costs.pattern_lists(slots), ..Price::default() };
     let base = paired(layout, costs, lists, limits)?;
     let pairs = covisible_pairs(layout, limits.interrupt).ok_or(SolveError::Interrupted)?;
-    let mut tied = pose_factors::block_pairs(problem, layout);
+    let mut tied = state_factors::block_pairs(problem, layout);
     tied.extend(block_pairs(layout, &pairs));
     let pattern = Arc::new(BlockPattern::new(layout.block_sizes.clone(), tied));
     if auto && pattern.density() > DENSE_FILL {

@@ -10,10 +10,10 @@ use super::covisible::ChunkPairs;
 use super::eliminator::Eliminator;
 use super::iterative::Linearization;
 use super::landmarks::LandmarkGroup;
-use super::pose_factors;
 use super::reduce::{ReducedVectors, Reduction};
 use super::reduced_solver::{Choice, choose};
 use super::sorted::GROUPS;
+use super::state_factors;
 use super::variables::{Backup, Move, Variables};
 use super::{Keeper, LinearSolver};
 use crate::linear::{BlockMatrix, Cholesky, LinearError};
@@ -84,15 +84,15 @@ impl<'a> BundleSystem<'a> {
             None => (Solver::Iterative, None),
         };
         let dimension = pattern.dimension();
-        let pose_pairs = || pose_factors::block_pairs(problem, layout);
+        let pose_pairs = || state_factors::block_pairs(problem, layout);
         Ok(Self {
             linear_solver,
             offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
             reduction: Reduction::new(layout, pairs.as_deref().unwrap_or(&[]), &pattern),
             eliminator: (variables.kernels.eliminator)(layout, pairs.as_deref()),
             groups: vec![LandmarkGroup::ZERO; layout.sorted.tile_count() * GROUPS],
-            pose_hessian: pose_factors::has_any(problem)
-                .then(|| pose_factors::hessian(layout, pose_pairs())),
+            pose_hessian: state_factors::has_any(problem)
+                .then(|| state_factors::hessian(layout, pose_pairs())),
             reduced: BlockMatrix::new(pattern),
             vectors: ReducedVectors::new(dimension),
             eliminated_for: None,
@@ -125,7 +125,7 @@ impl<'a> BundleSystem<'a> {
         if let Some(hessian) = &mut self.pose_hessian {
             let mut gradient = vec![0.0; self.step.len()];
             let Variables { problem, layout, stiffness, .. } = &self.variables;
-            pose_factors::linearize(problem, layout, hessian, &mut gradient, *stiffness);
+            state_factors::linearize(problem, layout, hessian, &mut gradient, *stiffness);
             self.reduced.add(hessian);
             let vectors = &mut self.vectors;
             for (i, (g, d)) in gradient.iter().zip(hessian.diagonal()).enumerate() {

@@ -12,7 +12,7 @@ use super::eliminator::{Kernels, Pass};
 use super::inner_iterations::{INNER_STIFFNESS, POINT};
 use super::layout::{Layout, NO_BLOCK, View};
 use super::observe::{Inputs, ViewRecord, view_record};
-use super::pose_factors;
+use super::state_factors;
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::interrupt::Interrupt;
 use crate::optimizer::LoopState;
@@ -103,7 +103,7 @@ impl<'a> Variables<'a> {
     /// ½ Σ ρ(r²) over all factors.
     pub(super) fn cost(&mut self) -> f64 {
         self.fill_records();
-        (self.kernels.cost)(&self.pass()) + pose_factors::cost(&self.problem)
+        (self.kernels.cost)(&self.pass()) + state_factors::cost(&self.problem)
     }
 
     /// Moves the variables by `length` times a step.
