@@ -49,8 +49,7 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
             (graph, map.tied(*keyframe).chain(sharing).collect())
         }
         Change::CameraSet { id, .. } if map.cameras().contains_key(id) => {
-            let views = map.keyframes().iter().filter(|(_, k)| k.camera == Some(*id));
-            (false, views.map(|(&id, _)| id).collect())
+            (false, map.views_of_camera(*id).map(|(keyframe, _)| keyframe).collect())
         }
         Change::Created { .. }
         | Change::ClientOpened { .. }

@@ -191,7 +191,6 @@ pub fn applied_as_far(
     costs: (f64, f64),
     reach: Reach,
 ) -> AppliedSolve {
-    let keyframes = map_now.keyframes();
     let (mut poses, mut landmarks) = caught_up(map_now, solved, kind, solved.start_revision());
     keep_gauge(map_now, solved.gauge(map_now), kind, &mut poses, &mut landmarks);
     if let Reach::Noticeable { if_contradicted } = reach {
@@ -212,7 +211,8 @@ pub fn applied_as_far(
 
     // If a window moved a landmark out of sight, the sent position is better.
     if kind == SolveKind::LocalBundle {
-        let pose = |k| poses.get(&k).copied().or(keyframes.get(&k).map(|k| k.world_from_camera));
+        let pose =
+            |id, keyframe: &Keyframe| poses.get(&id).copied().unwrap_or(keyframe.world_from_camera);
         landmarks.retain(|(id, position)| {
             let known = map_now.landmarks().get(id);
             known.is_some_and(|known| is_well_placed(map_now, *id, known, position, pose))

@@ -12,7 +12,7 @@ use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::initialization::View;
 use covis_solvers::relative_motion::{self, Match, PointEstimate, RelativeMotion};
 
-use super::{ClientIndex, EntityId, Keyframe, Map, Observation};
+use super::{ClientIndex, EntityId, Keyframe, Map};
 
 /// Keyframes from which a landmark without depth is triangulated, and those within which two keyframes
 /// of a client are near each other: a second of video, in which odometry drifts less than a pixel.
@@ -60,8 +60,9 @@ pub fn later_observers(
 #[must_use]
 pub fn pair_input(map: &Map, a: EntityId, b: EntityId) -> Option<PairInput> {
     let (first, second) = (map.keyframes().get(&a)?, map.keyframes().get(&b)?);
-    let camera_b = map.cameras().get(&second.camera?)?.camera;
-    let matches = second.observations.iter().filter_map(|seen| {
+    let view_b = map.views(second).next()?;
+    let camera_b = view_b.camera.camera;
+    let matches = view_b.observations.iter().filter_map(|seen| {
         let landmark = point_in(map, (a, first), seen.landmark)?;
         let depth_m = seen.depth.map(|depth| (depth.depth_m, depth.sigma_m));
         Some(Match { landmark, pixel: seen.pixel, sigma_px: seen.sigma_px, depth_m })
@@ -84,9 +85,9 @@ pub(super) fn point_in(
     landmark: EntityId,
 ) -> Option<PointEstimate> {
     let (id, keyframe) = a;
-    let seen = keyframe.observation_of(landmark)?;
-    if seen.depth.is_some() {
-        return PointEstimate::from_views(&[view(map, Se3::identity(), keyframe, seen)?]);
+    let seen = map.views_at(keyframe, Se3::identity()).find_map(|view| view.of(landmark))?;
+    if seen.depth_m.is_some() {
+        return PointEstimate::from_views(&[seen]);
     }
     let observers = &map.landmarks().get(&landmark)?.observers;
     let key = |id: EntityId, k: &Keyframe| (k.capture_time_ns, id);
@@ -98,27 +99,9 @@ pub(super) fn point_in(
         .collect();
     earlier.sort_by_key(|&(observer, k)| std::cmp::Reverse(key(observer, k)));
     earlier.truncate(NEAR_KEYFRAMES);
-    let views: Option<Vec<View>> = earlier
-        .into_iter()
-        .map(|(_, k)| view(map, odometry(keyframe, k), k, k.observation_of(landmark)?))
-        .collect();
-    PointEstimate::from_views(&views?)
-}
-
-/// What a keyframe saw of a landmark, from a pose in the frame in which the landmark is wanted.
-pub(super) fn view(
-    map: &Map,
-    world_from_camera: Se3,
-    keyframe: &Keyframe,
-    seen: &Observation,
-) -> Option<View> {
-    Some(View {
-        world_from_camera,
-        camera: map.cameras().get(&keyframe.camera?)?.camera,
-        pixel: seen.pixel,
-        sigma_px: seen.sigma_px,
-        depth_m: seen.depth.map(|depth| (depth.depth_m, depth.sigma_m)),
-    })
+    let views = earlier.into_iter().flat_map(|(_, k)| map.views_at(k, odometry(keyframe, k)));
+    let views: Vec<View> = views.filter_map(|view| view.of(landmark)).collect();
+    PointEstimate::from_views(&views)
 }
 
 /// The keyframes before and after `keyframe` among those that share landmarks with it, as pairs in

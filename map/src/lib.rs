@@ -13,6 +13,7 @@
 //! | [`EntityId`], [`Client`], [`Keyframe`], [`Landmark`], [`Constraint`], [`Prior`] | what a map holds |
 //! | [`Item`], [`Edit`], [`Rejection`] | what a client may ask for, and why it is refused |
 //! | [`Event`], [`Change`] | everything that can happen to a map |
+//! | [`View`] | an image of a keyframe: its camera, and where that was |
 //! | [`Map`], [`MapPolicy`], [`MapLimits`] | the fold of events, how it behaves, how large it may be |
 //! | [`shared_map`], [`Covisibility`], [`Ties`] | its sorted lists, and what is counted by keyframe |
 //! | [`choose_window`], [`problem`], [`applied`] | what a solve may move, its problem, its result as a change |
@@ -69,6 +70,7 @@ mod triangulation;
 mod usage;
 mod view_distance;
 mod view_noise;
+mod views;
 mod window;
 
 pub use affected::{Affected, affected};
@@ -111,6 +113,7 @@ pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
 pub use usage::{Counted, Counts, Exceeded, INDEXED_KEYFRAME, MapLimits, Usage};
 pub use view_noise::ViewNoise;
+pub use views::View;
 pub use window::{Window, choose_window, choose_window_while};
 
 /// Whether the map already has the content of an item of a stream.

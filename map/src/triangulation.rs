@@ -9,7 +9,6 @@
 use covis_solvers::initialization::{TriangulationOptions, View, triangulate as triangulate_views};
 use nalgebra::Vector3;
 
-use super::keyframe_pairs::view;
 use super::numbers::is_finite;
 use super::{EntityId, Map};
 
@@ -36,11 +35,9 @@ pub fn triangulate(map: &Map, keyframe: EntityId) -> Vec<(EntityId, Vector3<f64>
             let views: Vec<View> = landmark
                 .observers
                 .iter()
-                .filter_map(|observer| {
-                    let keyframe = map.keyframes().get(observer)?;
-                    let pose = keyframe.world_from_camera;
-                    view(map, pose, keyframe, keyframe.observation_of(id)?)
-                })
+                .filter_map(|observer| map.keyframes().get(observer))
+                .flat_map(|keyframe| map.views(keyframe))
+                .filter_map(|view| view.of(id))
                 .collect();
             let point = triangulate_views(&views, &options).ok()?.point_in_world;
             is_finite(&point).then_some((id, point))

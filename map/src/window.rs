@@ -26,7 +26,7 @@ use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
 
 use super::rim::rim;
-use super::{ClientIndex, EntityId, Landmark, Map, Prior};
+use super::{ClientIndex, EntityId, Keyframe, Landmark, Map, Prior};
 
 /// How many times as many keyframes a window has where no odometry ties them.
 const FARTHER: usize = 2;
@@ -192,30 +192,32 @@ pub(super) fn is_usable(map: &Map, id: EntityId) -> bool {
 /// Whether a local solve may move a landmark.
 fn may_move(map: &Map, id: EntityId) -> bool {
     let Some(landmark) = map.landmarks().get(&id) else { return false };
-    let pose = |keyframe| map.keyframes().get(&keyframe).map(|k| k.world_from_camera);
+    let pose = |_, keyframe: &Keyframe| keyframe.world_from_camera;
     landmark.position.is_some_and(|position| is_well_placed(map, id, landmark, &position, pose))
 }
 
 /// Whether a landmark of the map at `position` lies in front of all its observers and is seen from far
-/// enough apart, or has a measured depth. `pose` gives each observer's `world_from_camera`.
+/// enough apart, or has a measured depth. `pose` gives where each observer is.
 pub(super) fn is_well_placed(
     map: &Map,
     id: EntityId,
     landmark: &Landmark,
     position: &Vector3<f64>,
-    pose: impl Fn(EntityId) -> Option<Se3>,
+    pose: impl Fn(EntityId, &Keyframe) -> Se3,
 ) -> bool {
     if has_depth(map, id, landmark) {
         return true;
     }
     let mut first: Option<Vector3<f64>> = None;
     let mut has_parallax = false;
-    for &observer in &landmark.observers {
-        let Some(world_from_camera) = pose(observer) else { continue };
-        if world_from_camera.inverse_transform(position).z <= 0.0 {
+    let observers = landmark.observers.iter();
+    let observers = observers.filter_map(|id| Some((*id, map.keyframes().get(id)?)));
+    let views = observers.flat_map(|(id, keyframe)| map.views_at(keyframe, pose(id, keyframe)));
+    for view in views.filter(|view| view.observations.of(id).is_some()) {
+        if view.world_from_camera.inverse_transform(position).z <= 0.0 {
             return false;
         }
-        let ray = (position - world_from_camera.translation).normalize();
+        let ray = (position - view.world_from_camera.translation).normalize();
         match &first {
             None => first = Some(ray),
             Some(first) => has_parallax |= first.dot(&ray) < MIN_PARALLAX_COS,

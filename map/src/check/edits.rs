@@ -114,15 +114,14 @@ impl Check<'_> {
     fn views(&mut self, id: EntityId, new: &CameraEntity) {
         let map = self.map;
         let Some(old) = map.cameras().get(&id) else { return };
-        let views = map.keyframes().iter().filter(|(_, keyframe)| keyframe.camera == Some(id));
-        for (keyframe_id, keyframe) in views {
-            for seen in keyframe.observations.iter() {
+        for (keyframe_id, view) in map.views_of_camera(id) {
+            for seen in view.observations.iter() {
                 let named = || {
                     let name = map.client(keyframe_id.client).map_or("", |c| c.name.as_str());
                     let landmark = seen.landmark.id;
                     format!("keyframe {} of client {name:?}, landmark {landmark}", keyframe_id.id)
                 };
-                let pose = &keyframe.world_from_camera;
+                let pose = &view.world_from_camera;
                 if let Some(position) = map.landmarks().get(&seen.landmark).and_then(|l| l.position)
                     && !is_projected(new, pose, &position)
                     && is_projected(old, pose, &position)

@@ -103,7 +103,7 @@ struct Check<'a> {
 /// Where observations are made from.
 struct Viewpoint<'a> {
     /// `None` where the camera is unknown or missing, which is a violation of its own.
-    camera: Option<EntityId>,
+    camera: Option<&'a CameraEntity>,
     world_from_camera: &'a Se3,
     /// Landmarks of the same item.
     new_landmarks: &'a [NewLandmark],
@@ -152,7 +152,7 @@ impl Check<'_> {
                 let new_landmarks: Vec<NewLandmark> =
                     landmarks.iter().map(|new| new.moved_by(motion.as_ref())).collect();
                 let view = Viewpoint {
-                    camera: camera_id.flatten(),
+                    camera: camera_id.flatten().and_then(|id| self.map.cameras().get(&id)),
                     world_from_camera: &moved(world_from_camera),
                     new_landmarks: &new_landmarks,
                     present: &[],
@@ -181,13 +181,15 @@ impl Check<'_> {
                 self.not_empty(path, observations.len());
                 let id = self.keyframe("observations.keyframe", keyframe)?;
                 let keyframe = self.map.keyframes().get(&id)?;
-                if keyframe.camera.is_none() {
+                let image = self.map.views(keyframe).next();
+                if image.is_none() {
                     let text = "the keyframe has no camera to observe with";
                     self.add("observations.keyframe", Reason::Inconsistent, text);
                 }
+                let pose = image.map_or(keyframe.world_from_camera, |i| i.world_from_camera);
                 let view = Viewpoint {
-                    camera: keyframe.camera,
-                    world_from_camera: &keyframe.world_from_camera,
+                    camera: image.map(|image| image.camera),
+                    world_from_camera: &pose,
                     new_landmarks: &[],
                     present: &keyframe.observations,
                 };
@@ -377,7 +379,7 @@ impl Check<'_> {
         sent: &[ItemObservation],
         view: &Viewpoint<'_>,
     ) -> Vec<Observation> {
-        let camera = view.camera.and_then(|camera| self.map.cameras().get(&camera));
+        let camera = view.camera;
         let mut new: Vec<&NewLandmark> = view.new_landmarks.iter().collect();
         new.sort_by_key(|landmark| landmark.id);
         let mut keys: Vec<_> = view.present.iter().map(|known| (known.key(), None)).collect();

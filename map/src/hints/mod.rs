@@ -10,7 +10,7 @@ mod motion;
 
 use covis_solvers::geometry::{Camera, LieGroup};
 
-use super::{CameraEntity, ClientIndex, Keyframe, Map};
+use super::{ClientIndex, Keyframe, Map, Observation, View};
 use motion::{Motions, Pixels};
 
 /// Clients that are looked at.
@@ -67,7 +67,8 @@ impl Map {
     pub fn hints(&self) -> Vec<Hint> {
         let clients = (0..MOST_CLIENTS).zip(self.clients()).map(|(index, _)| ClientIndex(index));
         let of = |client| {
-            let mut found: Vec<(HintKind, String)> = self.views_hints(&self.first_views(client));
+            let keyframes = self.first_keyframes(client);
+            let mut found: Vec<(HintKind, String)> = self.views_hints(&keyframes);
             found.extend(self.clock_hint(client));
             found.sort_unstable_by_key(|&(kind, _)| kind);
             found.into_iter().map(move |(kind, text)| Hint { kind, client, text })
@@ -76,18 +77,18 @@ impl Map {
     }
 
     /// The first keyframes of a client that see something.
-    fn first_views(&self, client: ClientIndex) -> Vec<View<'_>> {
+    fn first_keyframes(&self, client: ClientIndex) -> Vec<&Keyframe> {
         let first = self.keyframes().range(client.ids()).take(2 * MOST_KEYFRAMES);
-        let views = first.filter_map(|(_, keyframe)| {
-            let camera = self.cameras().get(&keyframe.camera?)?;
-            (!keyframe.observations.is_empty()).then_some(View { keyframe, camera })
-        });
-        views.take(MOST_KEYFRAMES).collect()
+        let seeing = first.map(|(_, k)| k).filter(|keyframe| !keyframe.observations.is_empty());
+        seeing.take(MOST_KEYFRAMES).collect()
     }
 
-    fn views_hints(&self, views: &[View<'_>]) -> Vec<(HintKind, String)> {
+    fn views_hints(&self, keyframes: &[&Keyframe]) -> Vec<(HintKind, String)> {
         let mut found = Vec::new();
-        let motions = Motions::of(views);
+        let views: Vec<View<'_>> = keyframes.iter().flat_map(|k| self.views(k)).collect();
+        let views = &*views;
+        let by_odometry = keyframes.iter().flat_map(|k| self.views_at(k, k.odom_from_camera));
+        let motions = Motions::of(&by_odometry.collect::<Vec<_>>());
         let image = ImageShares::of(views);
         if motions.are_inverted() {
             let text = "the pixels agree with the inverse of odom_from_camera and not with itself: \
@@ -114,8 +115,8 @@ impl Map {
         let (mut count, mut behind) = (0_usize, 0_usize);
         // A fisheye may see what is behind it.
         for view in views.iter().filter(|view| !matches!(view.camera.camera, Camera::Fisheye(_))) {
-            let camera_from_world = view.keyframe.world_from_camera.inverse();
-            for observation in view.some_observations() {
+            let camera_from_world = view.world_from_camera.inverse();
+            for observation in some_observations(view) {
                 let landmark = self.landmarks().get(&observation.landmark);
                 if let Some(point) = landmark.and_then(|landmark| landmark.position) {
                     count += 1;
@@ -147,19 +148,10 @@ impl Map {
     }
 }
 
-/// A keyframe and its camera.
-#[derive(Clone, Copy)]
-struct View<'a> {
-    keyframe: &'a Keyframe,
-    camera: &'a CameraEntity,
-}
-
-impl View<'_> {
-    /// Some of its observations, spread over all.
-    fn some_observations(&self) -> impl Iterator<Item = &super::Observation> {
-        let all = &self.keyframe.observations;
-        all.iter().step_by(all.len().div_ceil(MOST_OBSERVATIONS).max(1))
-    }
+/// Some of the observations of a view, spread over all.
+fn some_observations<'a>(view: &View<'a>) -> impl Iterator<Item = &'a Observation> + use<'a> {
+    let all = view.observations;
+    all.iter().step_by(all.len().div_ceil(MOST_OBSERVATIONS).max(1))
 }
 
 /// Measured depths against the lengths that parallax and odometry make of them.
@@ -183,7 +175,7 @@ fn unit_hint(motions: &Motions) -> Option<(HintKind, String)> {
 
 /// Measured depths against what cameras measure.
 fn size_hint(views: &[View<'_>]) -> Option<(HintKind, String)> {
-    let observations = views.iter().flat_map(View::some_observations);
+    let observations = views.iter().flat_map(some_observations);
     let depths = observations.filter_map(|seen| seen.depth.map(|depth| depth.depth_m)).collect();
     let depth = median(depths)?;
     (depth > FAR_M).then(|| {
@@ -213,7 +205,7 @@ impl ImageShares {
             let is_outside = |u: f64, v: f64| {
                 !(-0.5..=width - 0.5).contains(&u) || !(-0.5..=height - 0.5).contains(&v)
             };
-            for observation in view.some_observations() {
+            for observation in some_observations(view) {
                 let pixel = Pixels::AsSent.of(observation);
                 shares.count += 1;
                 shares.outside += usize::from(is_outside(pixel.x, pixel.y));

@@ -64,6 +64,7 @@ pub(super) struct Motions {
 }
 
 impl Motions {
+    /// Of views at the poses of the odometry.
     pub(super) fn of(views: &[View<'_>]) -> Self {
         let mut motions = Self::default();
         for (j, newer) in views.iter().enumerate() {
@@ -82,7 +83,7 @@ impl Motions {
     /// Adds what a pair says.
     fn add(&mut self, a: &View<'_>, b: &View<'_>) {
         let matches = matches(a, b);
-        let (pose_a, pose_b) = (a.keyframe.odom_from_camera, b.keyframe.odom_from_camera);
+        let (pose_a, pose_b) = (a.world_from_camera, b.world_from_camera);
         let rays = rays(a, b, &matches, Pixels::AsSent);
         if rays.len() < LEAST_MATCHES {
             return;
@@ -128,7 +129,7 @@ impl Motions {
 
 /// Observations of landmarks that both see.
 fn matches<'a>(a: &View<'a>, b: &View<'a>) -> Vec<(&'a Observation, &'a Observation)> {
-    let (seen, others) = (&a.keyframe.observations, &b.keyframe.observations);
+    let (seen, others) = (a.observations, b.observations);
     // Most landmarks of neighbors are common: some are looked for until enough are found.
     let step = seen.len().div_ceil(4 * MOST_MATCHES).max(1);
     let mut last: Option<EntityId> = None;

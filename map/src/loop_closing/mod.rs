@@ -28,7 +28,7 @@ pub use localization::{Localization, localize};
 use crate::place::{self, Candidate, DESCRIPTOR_BYTES, PlaceError};
 use crate::{
     Constraint, ConstraintKind, Descriptor, DescriptorKind, EntityId, Keyframe, Map, Observation,
-    PlaceCandidate, PlaceRefusal, PlaceSearch, Surroundings, likeness,
+    PlaceCandidate, PlaceRefusal, PlaceSearch, Surroundings, View, likeness,
 };
 
 /// Keyframes of a client before another one that are not candidates: it has hardly left their place.
@@ -56,18 +56,18 @@ pub struct QueryView<'a> {
 impl<'a> QueryView<'a> {
     /// What a keyframe sees; `None` where it has no camera.
     #[must_use]
-    pub fn of_keyframe(map: &Map, keyframe: &'a Keyframe) -> Option<Self> {
-        let camera_id = keyframe.camera?;
+    pub fn of_keyframe(map: &'a Map, keyframe: &'a Keyframe) -> Option<Self> {
+        let view = map.views(keyframe).next()?;
         let feature = |seen: &Observation| Feature {
             pixel: seen.pixel,
             sigma_px: seen.sigma_px,
             depth_m: seen.depth.map(|depth| (depth.depth_m, depth.sigma_m)),
         };
         Some(Self {
-            camera: map.cameras().get(&camera_id)?.camera,
-            camera_id: Some(camera_id),
-            features: keyframe.observations.iter().map(feature).collect(),
-            descriptors: keyframe.observations.iter().map(|o| o.descriptor.as_deref()).collect(),
+            camera: view.camera.camera,
+            camera_id: Some(view.camera_id),
+            features: view.observations.iter().map(feature).collect(),
+            descriptors: view.observations.iter().map(|o| o.descriptor.as_deref()).collect(),
             image: keyframe.global_descriptor.as_deref(),
         })
     }
@@ -229,7 +229,8 @@ fn judge_candidate(
         }
     }
     let calibration = verification::Options::default().calibration;
-    let same_camera = view.camera_id.is_some() && view.camera_id == keyframe.camera;
+    let is_same = |candidate: View<'_>| view.camera_id == Some(candidate.camera_id);
+    let same_camera = map.views(keyframe).any(is_same);
     let options = Options {
         calibration: covis_solvers::relative_motion::Calibration { same_camera, ..calibration },
         ..Options::default()

@@ -20,9 +20,7 @@ use crate::gauge::held_poses;
 use crate::odometry;
 use crate::view_noise::widened;
 use crate::window::is_usable;
-use crate::{
-    ClientIndex, ConstraintKind, Depth, EntityId, Gauge, Keyframe, Map, Noise, Prior, Window,
-};
+use crate::{ClientIndex, ConstraintKind, Depth, EntityId, Gauge, Map, Noise, Prior, View, Window};
 
 /// With fewer observations and no other measurement a pose is held constant: three points fix six
 /// unknowns.
@@ -241,8 +239,8 @@ impl<'a> Builder<'a> {
             .keyframes
             .iter()
             .filter_map(|id| map.keyframes().get(id))
-            .filter_map(|k| map.cameras().get_key_value(&k.camera?))
-            .map(|(&id, camera)| (id, camera))
+            .flat_map(|keyframe| map.views(keyframe))
+            .map(|view| (view.camera_id, view.camera))
             .collect();
         let mut camera_of = BTreeMap::new();
         for (&id, entity) in &used {
@@ -251,8 +249,10 @@ impl<'a> Builder<'a> {
         let mut measured = vec![0; self.keyframes.len()];
         for pose in 0..self.keyframes.len() {
             let Some(keyframe) = map.keyframes().get(&self.keyframes[pose]) else { continue };
-            if let Some(&camera) = keyframe.camera.and_then(|id| camera_of.get(&id)) {
-                measured[pose] = self.observations(keyframe, pose, camera);
+            for view in map.views(keyframe) {
+                if let Some(&camera) = camera_of.get(&view.camera_id) {
+                    measured[pose] += self.observations(&view, pose, camera);
+                }
             }
         }
         self.pose_factors(&mut measured);
@@ -299,18 +299,18 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Adds the observations of a keyframe and returns how many there are.
-    fn observations(&mut self, keyframe: &Keyframe, pose: usize, camera: usize) -> usize {
+    /// Adds the observations of a view and returns how many there are.
+    fn observations(&mut self, view: &View<'_>, pose: usize, camera: usize) -> usize {
         let (Ok(pose), Ok(camera)) = (u32::try_from(pose), u32::try_from(camera)) else { return 0 };
         let model = self.problem.cameras[camera as usize];
         let client = self.keyframes.get(pose as usize).and_then(|id| self.map.client(id.client));
         let noise = client.filter(|_| self.believes_residuals).map(|client| client.noise.views);
         let (pixels, depths) = noise.unwrap_or_default().counted();
         let mut count = 0;
-        for observation in keyframe.observations.iter() {
+        for observation in view.observations.iter() {
             let Some(&landmark) = self.landmark_of.get(&observation.landmark) else { continue };
             let position = &self.problem.landmarks[landmark as usize];
-            let point_in_camera = keyframe.world_from_camera.inverse_transform(position);
+            let point_in_camera = view.world_from_camera.inverse_transform(position);
             if self.looks_at_estimates && model.project(&point_in_camera).is_none() {
                 continue;
             }

@@ -79,11 +79,11 @@ impl Numbers {
     /// What the files cannot contain, as text for people.
     pub(super) fn of(map: &Map) -> Result<Self, String> {
         for (id, keyframe) in map.keyframes().iter() {
-            if keyframe.camera.is_none_or(|camera| !map.cameras().contains_key(&camera)) {
+            let Some(view) = map.views(keyframe).next() else {
                 return Err(format!("keyframe {} has no camera", image_name(map, *id)));
-            }
+            };
             // The files have the inverse, whose translation sums up coordinates.
-            let pose = keyframe.world_from_camera.inverse();
+            let pose = view.world_from_camera.inverse();
             if !pose.translation.iter().all(|coordinate| coordinate.is_finite()) {
                 let name = image_name(map, *id);
                 return Err(format!("keyframe {name} is too far away for a pose of COLMAP"));
@@ -137,10 +137,13 @@ impl Numbers {
         out: &mut Vec<u8>,
     ) -> Result<(), String> {
         let name = image_name(map, id);
-        let camera = keyframe.camera.and_then(|camera| self.cameras.get(camera));
-        let camera = camera.ok_or_else(|| format!("keyframe {name} has no camera"))?;
-        let mut image = ColmapImage::new(name, camera, &keyframe.world_from_camera);
-        image.keypoints.extend(keyframe.observations.iter().filter_map(|observation| {
+        let mut views = map.views(keyframe);
+        let view = views.find_map(|view| Some((self.cameras.get(view.camera_id)?, view)));
+        let Some((camera, view)) = view else {
+            return Err(format!("keyframe {name} has no camera"));
+        };
+        let mut image = ColmapImage::new(name, camera, &view.world_from_camera);
+        image.keypoints.extend(view.observations.iter().filter_map(|observation| {
             let point = self.points.get(observation.landmark)?;
             Some(ColmapKeypoint::new(&observation.pixel, Some(point.into())))
         }));
@@ -168,15 +171,15 @@ impl Numbers {
             else {
                 continue;
             };
-            let camera = keyframe.camera.and_then(|camera| map.cameras().get(&camera));
-            let projected = camera.and_then(|entity| {
-                entity.camera.project(&keyframe.world_from_camera.inverse_transform(position))
-            });
-            for (index, observation) in keyframe.observations.iter().enumerate() {
-                if observation.landmark == id {
-                    point.track.push((image, self.keypoint(*observer, index)));
-                    error_sum_px +=
-                        projected.map_or(f64::NAN, |pixel| (pixel - observation.pixel).norm());
+            for view in map.views(keyframe) {
+                let point_in_camera = view.world_from_camera.inverse_transform(position);
+                let projected = view.camera.camera.project(&point_in_camera);
+                for (index, observation) in view.observations.iter().enumerate() {
+                    if observation.landmark == id {
+                        point.track.push((image, self.keypoint(*observer, index)));
+                        error_sum_px +=
+                            projected.map_or(f64::NAN, |pixel| (pixel - observation.pixel).norm());
+                    }
                 }
             }
         }
