@@ -137,9 +137,8 @@ pub struct Verified {
     pub information: Information<6>,
     /// (point, feature), by rising point: proposed ones that fit, and those that the pose found.
     pub inliers: Vec<(usize, usize)>,
-    /// Inliers among the proposed matches.
-    pub proposed: usize,
-    /// Of these, those that are evidence of their own: of those that show one patch of the scene, one.
+    /// Those of the proposed inliers that are evidence of their own: of those that show one patch of the
+    /// scene, one.
     pub independent: usize,
     /// Variance of the residuals over what is claimed, at least 1.
     pub variance_factor: f64,
@@ -260,7 +259,6 @@ fn verified(
         candidate_from_query: pose,
         information,
         inliers: inlying,
-        proposed: agreed.inliers.len(),
         independent,
         variance_factor: (fitted.variance * fitted.motion.variance_factor).max(1.0),
     };

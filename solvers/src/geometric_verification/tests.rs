@@ -109,7 +109,7 @@ fn a_pose_finds_matches_that_were_not_proposed() {
     let made = scene.make(1);
     let verdict = verdict_of(&made, &Options::default());
     let verified = same(&verdict);
-    assert!(verified.inliers.len() > 2 * verified.proposed, "{verified:?}");
+    assert!(verified.inliers.len() > 2 * made.proposed_among(verified), "{verified:?}");
     let is_wrong = |&&(point, feature): &&(usize, usize)| point != feature;
     let wrong = verified.inliers.iter().filter(is_wrong).count();
     assert!(wrong * 50 < verified.inliers.len(), "{wrong}");

@@ -37,12 +37,6 @@ impl Se2 {
     pub fn transform(&self, point: &Vector2<f64>) -> Vector2<f64> {
         self.rotation.rotate(point) + self.translation
     }
-
-    /// Rᵀ (p − t).
-    #[inline]
-    pub fn inverse_transform(&self, point: &Vector2<f64>) -> Vector2<f64> {
-        self.rotation.inverse_rotate(&(point - self.translation))
-    }
 }
 
 /// The 3 × 3 matrix of three columns above the row (0, 0, 1).

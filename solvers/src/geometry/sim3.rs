@@ -56,12 +56,6 @@ impl Sim3 {
     pub fn transform_pose(&self, pose: &Se3) -> Se3 {
         Se3::new(self.rotation.compose(&pose.rotation), self.transform(&pose.translation))
     }
-
-    /// Rᵀ (p − t) / s.
-    #[inline]
-    pub fn inverse_transform(&self, point: &Vector3<f64>) -> Vector3<f64> {
-        self.rotation.inverse_rotate(&(point - self.translation)) / self.scale
-    }
 }
 
 impl From<Se3> for Sim3 {

@@ -212,14 +212,15 @@ impl BlockRowMut<'_> {
     }
 
     /// Columns of the stored blocks, ascending; the last is the row itself.
-    pub fn columns(&self) -> &[u32] {
+    #[cfg(test)]
+    pub(super) fn columns(&self) -> &[u32] {
         self.columns
     }
 
-    /// The block at position `k` of [`Self::columns`], column-major.
+    /// The `k`-th stored block in the order of columns, column-major.
     ///
     /// # Panics
-    /// Where `k` is not below `columns().len()`.
+    /// Where fewer blocks are stored.
     #[inline]
     pub fn slot_mut(&mut self, k: usize) -> &mut [f64] {
         let base = self.starts[0];

@@ -60,8 +60,6 @@ pub struct BlockOrdering {
     pub order: Vec<u32>,
     /// Flops of one factorization.
     pub flops: f64,
-    /// Scalars in the lower triangle of the factor.
-    pub factor_entries: f64,
     /// Where the order came from.
     pub method: OrderingMethod,
 }
@@ -135,8 +133,7 @@ pub(super) fn cheapest(
     let (method, order, elimination) =
         best.unwrap_or_else(|| (OrderingMethod::Natural, natural(), Elimination::default()));
     let (order, elimination) = in_postorder(&order, &elimination);
-    let Elimination { flops, factor_entries, .. } = elimination;
-    Ok((BlockOrdering { order, flops, factor_entries, method }, elimination))
+    Ok((BlockOrdering { order, flops: elimination.flops, method }, elimination))
 }
 
 #[cfg(test)]

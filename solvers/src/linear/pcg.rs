@@ -10,15 +10,6 @@ use super::matrix::BlockMatrix;
 use crate::interrupt::Interrupt;
 use crate::parallel;
 
-/// How a solve ended.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PcgOutcome {
-    /// Products with the matrix.
-    pub iterations: usize,
-    /// ‖A x − g‖ / ‖g‖, recurred.
-    pub relative_residual: f64,
-}
-
 /// Conjugate gradients; memory is allocated once.
 #[derive(Clone, Debug, Default)]
 pub struct Pcg {
@@ -30,7 +21,7 @@ pub struct Pcg {
 
 impl Pcg {
     /// Solves A x = g from x = 0, in at most `max_iterations` products; `multiply(p, q)` sets
-    /// q = A p.
+    /// q = A p. Returns ‖A x − g‖ / ‖g‖ by its recurrence.
     ///
     /// # Errors
     /// Not positive definite, seen in a direction, or [`LinearError::Interrupted`]; then `x` is not a
@@ -43,7 +34,7 @@ impl Pcg {
         x: &mut [f64],
         (tolerance, max_iterations): (f64, usize),
         interrupt: &Interrupt,
-    ) -> Result<PcgOutcome, LinearError> {
+    ) -> Result<f64, LinearError> {
         for vector in [&mut self.z, &mut self.p, &mut self.q] {
             vector.resize(g.len(), 0.0);
         }
@@ -51,9 +42,9 @@ impl Pcg {
         self.r.clear();
         self.r.extend_from_slice(g);
         let norm = dot(g, g).sqrt();
-        let mut outcome = PcgOutcome { iterations: 0, relative_residual: 0.0 };
+        let mut relative_residual = 0.0;
         if norm == 0.0 {
-            return Ok(outcome);
+            return Ok(relative_residual);
         }
         let mut rho = 0.0;
         let mut quadratic = 0.0;
@@ -80,18 +71,17 @@ impl Pcg {
                 *x += alpha * p;
                 *r -= alpha * q;
             }
-            outcome.iterations = k;
-            outcome.relative_residual = dot(&self.r, &self.r).sqrt() / norm;
+            relative_residual = dot(&self.r, &self.r).sqrt() / norm;
             // Q = ½ xᵀAx − gᵀx = −½ xᵀ(g + r).
             let next: f64 = -0.5
                 * x.iter().zip(g.iter().zip(&self.r)).map(|(x, (g, r))| x * (g + r)).sum::<f64>();
             let gain = k as f64 * (next - quadratic) / next;
             quadratic = next;
-            if gain < tolerance || outcome.relative_residual < 1e-14 {
+            if gain < tolerance || relative_residual < 1e-14 {
                 break;
             }
         }
-        Ok(outcome)
+        Ok(relative_residual)
     }
 }
 

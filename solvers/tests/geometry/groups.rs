@@ -164,13 +164,13 @@ fn transforms_compose_and_invert() {
         let b = random::element::<Sim3, 7>(&mut rng, 1.0);
         let scale = 1.0 + (a * b).transform(&p).amax() + a.transform(&p).amax() / a.scale;
         assert!(((a * b).transform(&p) - a.transform(&b.transform(&p))).amax() < 1e-13 * scale);
-        assert!((a.inverse_transform(&a.transform(&p)) - p).amax() < 1e-13 * scale);
+        assert!((a.inverse().transform(&a.transform(&p)) - p).amax() < 1e-13 * scale);
         let motion = Se3::new(a.rotation, a.translation);
         assert!((motion.inverse_transform(&motion.transform(&p)) - p).amax() < 1e-13);
         assert!((motion.inverse().transform(&motion.transform(&p)) - p).amax() < 1e-13);
         let flat = Se2::from_xy_angle(p.x, p.y, p.z);
         let q = p.xy();
-        assert!((flat.inverse_transform(&flat.transform(&q)) - q).amax() < 1e-13);
+        assert!((flat.inverse().transform(&flat.transform(&q)) - q).amax() < 1e-13);
     }
 }
 

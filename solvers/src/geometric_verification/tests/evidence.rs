@@ -35,11 +35,14 @@ fn matches_of_one_corner_are_one_piece_of_evidence() {
     else {
         panic!("{:?}", verdict(&few));
     };
-    assert!(verified.proposed >= 15 && inliers == 5 && needed > 5, "{inliers} of {needed}");
+    let proposed = few.proposed_among(&verified);
+    assert!(proposed >= 15 && inliers == 5 && needed > 5, "{inliers} of {needed}");
     // Thirty corners are enough, however often each is found.
-    let many = verdict(&repeated(30, 4));
+    let made = repeated(30, 4);
+    let many = verdict(&made);
     let many = same(&many);
-    assert!((25..=30).contains(&many.independent) && many.proposed > 90, "{many:?}");
+    let proposed = made.proposed_among(many);
+    assert!((25..=30).contains(&many.independent) && proposed > 90, "{many:?}");
     // They say no more than each of them once.
     let once = verdict(&repeated(30, 1));
     let ratio = many.information.matrix().trace() / same(&once).information.matrix().trace();

@@ -78,6 +78,12 @@ impl Made {
             seed: 5,
         }
     }
+
+    /// How many of the inliers were proposed.
+    pub(super) fn proposed_among(&self, verified: &Verified) -> usize {
+        let is_inlier = |m: &&Proposed| verified.inliers.contains(&(m.point, m.feature));
+        self.matches.iter().filter(is_inlier).count()
+    }
 }
 
 /// The verdict; features are like the points of the same number, unless they are wrong.

@@ -22,7 +22,6 @@ pub(in super::super) struct Elimination {
     pub(in super::super) block_heights: Vec<u32>,
     pub(in super::super) flops: f64,
     pub(super) blocks: usize,
-    pub(super) factor_entries: f64,
 }
 
 /// Elimination tree, column heights and flops of `order`; `None` where it is not a permutation.
@@ -35,18 +34,17 @@ pub(super) fn eliminate(pattern: &BlockPattern, order: &[u32]) -> Option<Elimina
     let parents = tree(&neighbors);
     let sizes: Vec<usize> = order.iter().map(|&block| pattern.sizes()[block as usize]).collect();
     let (heights, block_heights) = heights(&sizes, &parents, &neighbors);
-    let (mut cubes, mut rest, mut factor_entries) = (0.0, 0.0, 0.0);
+    let (mut cubes, mut rest) = (0.0, 0.0);
     let mut blocks = count;
     for ((&size, &height), &block_height) in sizes.iter().zip(&heights).zip(&block_heights) {
         let (b, h) = (size as f64, height as f64);
         cubes += b.powi(3);
         // Sums of whole numbers: equal costs are equal to the bit.
         rest += b * h * (b + h);
-        factor_entries += b * (b + 1.0) / 2.0 + b * h;
         blocks += block_height as usize;
     }
     let flops = cubes / 3.0 + rest;
-    Some(Elimination { parents, heights, block_heights, flops, blocks, factor_entries })
+    Some(Elimination { parents, heights, block_heights, flops, blocks })
 }
 
 /// `position[order[k]] = k`, or `None` where `order` is not a permutation of `0..count`.
