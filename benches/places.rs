@@ -169,7 +169,7 @@ fn main() -> Result<(), PlaceError> {
     let args = Args::parse();
     let id = |keyframe: usize| EntityId::new(ClientIndex(0), keyframe as i64);
     let queries = args.queries();
-    let mut index = PlaceIndex::new();
+    let mut index = PlaceIndex::default();
     let (mut added, mut asked, mut told) = (Vec::new(), Vec::new(), Vec::new());
     for keyframe in 0..args.keyframes {
         let data = args.seen(keyframe);
@@ -178,7 +178,7 @@ fn main() -> Result<(), PlaceError> {
         if queries.contains(&keyframe) {
             let recent = |other: EntityId| other.id + 50 >= keyframe as i64;
             let start = Instant::now();
-            let found = index.query(&features, args.candidates, recent)?;
+            let found = index.query(&features, None, args.candidates, recent)?;
             asked.push(start.elapsed().as_secs_f64());
             let is_right = |candidate: &Candidate| {
                 let other = args.place(candidate.keyframe.id as usize);

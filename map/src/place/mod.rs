@@ -157,14 +157,9 @@ fn packed(index: &DescriptorIndex, features: &[Feature<'_>], numbers: &[u16]) ->
 }
 
 impl PlaceIndex {
-    /// An index without keyframes.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Whether the keyframe is in the index. One without descriptors never is.
-    pub fn contains(&self, keyframe: EntityId) -> bool {
+    #[cfg(test)]
+    fn contains(&self, keyframe: EntityId) -> bool {
         self.indexes.values().any(|index| index.contains(keyframe)) || self.whole.contains(keyframe)
     }
 
@@ -257,27 +252,14 @@ impl PlaceIndex {
 
     /// The keyframes that may show what `features` show: at most `count` of each type of descriptor, best
     /// first, equal scores by id. Those that `excluded` names are left out: recent ones, covisible ones, the query's
-    /// own. A keyframe that has features of several types is listed once.
+    /// own. A keyframe that has features of several types is listed once. The keyframes whose image is most
+    /// like `image` are compared as well, whatever the features voted for. An image that cannot be compared is
+    /// not.
     ///
     /// # Errors
     ///
     /// [`PlaceError`] where the features could not be a keyframe's.
     pub fn query(
-        &self,
-        features: &[Feature<'_>],
-        count: usize,
-        excluded: impl Fn(EntityId) -> bool,
-    ) -> Result<Vec<Candidate>, PlaceError> {
-        self.query_with_image(features, None, count, excluded)
-    }
-
-    /// As [`PlaceIndex::query`]; the keyframes whose image is most like `image` are compared as well,
-    /// whatever the features voted for. An image that cannot be compared is not.
-    ///
-    /// # Errors
-    ///
-    /// As [`PlaceIndex::query`].
-    pub fn query_with_image(
         &self,
         features: &[Feature<'_>],
         image: Option<&Feature<'_>>,

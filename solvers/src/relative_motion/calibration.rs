@@ -30,7 +30,8 @@ pub struct Calibration {
 impl Calibration {
     /// Without errors.
     #[cfg(test)]
-    pub(crate) const EXACT: Self = Self { focal: 0.0, center_rad: 0.0, depth: 0.0, same_camera: true };
+    pub(crate) const EXACT: Self =
+        Self { focal: 0.0, center_rad: 0.0, depth: 0.0, same_camera: true };
 
     fn sigmas(&self) -> SVector<f64, PARAMETERS> {
         SVector::from([self.focal, self.center_rad, self.center_rad, self.depth])

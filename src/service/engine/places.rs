@@ -197,12 +197,7 @@ impl Places {
         // As a trait object, so that the search is compiled once for all who ask.
         let is_out: &dyn Fn(EntityId) -> bool = &|id| is_excluded(id) || !known.has(map, id);
         let image = comparable(view.image);
-        known.index.query_with_image(
-            &features,
-            image.as_ref(),
-            PlaceSearch::MOST_CANDIDATES,
-            is_out,
-        )
+        known.index.query(&features, image.as_ref(), PlaceSearch::MOST_CANDIDATES, is_out)
     }
 
     /// What is wrong with the descriptors of a view, if none of its features, or its image, has a type

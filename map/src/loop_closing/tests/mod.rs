@@ -44,7 +44,7 @@ fn orb(data: Vec<u8>) -> Descriptor {
 
 impl Mapped {
     fn new(camera: Camera) -> Self {
-        let (map, index, truth) = (Map::new(), PlaceIndex::new(), BTreeMap::new());
+        let (map, index, truth) = (Map::new(), PlaceIndex::default(), BTreeMap::new());
         let mut made = Self { map, index, truth };
         let (policy, display_name) = (MapPolicy::default(), String::new());
         made.apply(Change::Created { policy, create_time_ns: 1, display_name });
@@ -104,7 +104,7 @@ impl Mapped {
         };
         let (_, features) = view.searchable();
         let count = PlaceSearch::MOST_CANDIDATES;
-        let candidates = self.index.query(&features, count, |_| false).unwrap();
+        let candidates = self.index.query(&features, None, count, |_| false).unwrap();
         localize(&self.map, &view, &candidates, &Interrupt::default())
     }
 }

@@ -23,12 +23,12 @@ fn full(name: &str, described: impl Fn(u64) -> Vec<u8>) -> Vec<Candidate> {
         index.add(id(1, number as i64), number as i64, &orb(&keyframe(number))).unwrap();
     }
     let (query, begin) = (keyframe(1), Instant::now());
-    let answer = index.query(&orb(&query), 3, |_| false).unwrap();
+    let answer = index.query(&orb(&query), None, 3, |_| false).unwrap();
     println!("{name}: {count} descriptors, {:.3} s", begin.elapsed().as_secs_f64());
-    let found = index.query(&orb(&place(4)), 1, |_| false).unwrap();
+    let found = index.query(&orb(&place(4)), None, 1, |_| false).unwrap();
     assert_eq!(found[0].keyframe, id(0, 4), "{name}");
     let more = [query, keyframe(2)].concat();
-    let refused = index.query(&orb(&more[..count + 1]), 3, |_| false).unwrap_err();
+    let refused = index.query(&orb(&more[..count + 1]), None, 3, |_| false).unwrap_err();
     assert!(matches!(refused, PlaceError::Bytes(_) | PlaceError::Descriptors { .. }), "{refused}");
     answer
 }
@@ -55,7 +55,7 @@ fn keyframes_full_of_one_descriptor_match_nothing() {
 
 #[test]
 fn a_keyframe_with_many_descriptor_types_is_as_large_as_with_one() {
-    let mut index = PlaceIndex::new();
+    let mut index = PlaceIndex::default();
     // 16 types with 4096 descriptors each, of 512 bytes and less: 30 MB.
     let data: Vec<Vec<u8>> = (0..16).map(|shorter| vec![1; 512 - shorter]).collect();
     let worst: Vec<Feature<'_>> = data
@@ -65,8 +65,8 @@ fn a_keyframe_with_many_descriptor_types_is_as_large_as_with_one() {
     assert_eq!(worst.len(), 65_536);
     let bytes = worst.iter().map(|feature| feature.data.len()).sum();
     assert_eq!(index.add(id(0, 1), 0, &worst), Err(PlaceError::Bytes(bytes)));
-    assert_eq!(index.query(&worst, 3, |_| false), Err(PlaceError::Bytes(bytes)));
-    assert_eq!(index.bytes(), PlaceIndex::new().bytes());
+    assert_eq!(index.query(&worst, None, 3, |_| false), Err(PlaceError::Bytes(bytes)));
+    assert_eq!(index.bytes(), PlaceIndex::default().bytes());
 }
 
 #[test]

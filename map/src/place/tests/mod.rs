@@ -34,7 +34,7 @@ fn place(number: u64) -> Vec<Vec<u8>> {
 }
 
 fn filled(places: impl IntoIterator<Item = u64>) -> PlaceIndex {
-    let mut index = PlaceIndex::new();
+    let mut index = PlaceIndex::default();
     for number in places {
         let keyframe = id(0, number as i64);
         index.add(keyframe, number as i64 * 1_000, &orb(&place(number))).unwrap();
@@ -51,7 +51,8 @@ fn an_answer_is_a_function_of_what_is_held() {
     for number in 0..40 {
         let query = place(number);
         let own = |keyframe: EntityId| keyframe.id == 39;
-        let answers = [&straight, &winding].map(|index| index.query(&orb(&query), 5, own).unwrap());
+        let answers =
+            [&straight, &winding].map(|index| index.query(&orb(&query), None, 5, own).unwrap());
         assert_eq!(answers[0], answers[1], "place {number}");
         if number != 39 {
             assert_eq!(answers[0][0].keyframe, id(0, number as i64));
@@ -64,7 +65,7 @@ fn an_answer_is_a_function_of_what_is_held() {
 
 #[test]
 fn equal_scores_are_ordered_by_id() {
-    let mut index = PlaceIndex::new();
+    let mut index = PlaceIndex::default();
     // Far from each other in time, or of another client: islands of their own.
     for keyframe in [id(1, 7), id(0, 30), id(0, 4)] {
         index.add(keyframe, keyframe.id * 1_000, &orb(&place(1))).unwrap();
@@ -72,7 +73,7 @@ fn equal_scores_are_ordered_by_id() {
     for number in 100..120 {
         index.add(id(0, number - 92), (number - 92) * 1_000, &orb(&place(number as u64))).unwrap();
     }
-    let answer = index.query(&orb(&place(1)), 3, |_| false).unwrap();
+    let answer = index.query(&orb(&place(1)), None, 3, |_| false).unwrap();
     let told: Vec<EntityId> = answer.iter().map(|candidate| candidate.keyframe).collect();
     assert_eq!(told, [id(0, 4), id(0, 30), id(1, 7)]);
     assert!(answer.windows(2).all(|pair| pair[0].score == pair[1].score));
@@ -85,7 +86,7 @@ fn what_all_places_have_counts_less() {
     let index = filled(0..30);
     let rare: Vec<Vec<u8>> = place(3)[..10].to_vec();
     let common: Vec<Vec<u8>> = place(3)[40..].to_vec();
-    let score = |query: &[Vec<u8>]| index.query(&orb(query), 1, |_| false).unwrap()[0].score;
+    let score = |query: &[Vec<u8>]| index.query(&orb(query), None, 1, |_| false).unwrap()[0].score;
     assert!(score(&rare) > 0.9, "{}", score(&rare));
     assert!(score(&common) < 0.3, "{}", score(&common));
 }
@@ -105,7 +106,7 @@ fn a_keyframe_whose_image_looks_alike_is_compared_too() {
     // Most features are of place 30, some of place 3.
     let query: Vec<Vec<u8>> = place(30).into_iter().take(30).chain(place(3)).take(45).collect();
     let keyframes = |image: Option<&Feature<'_>>, out: i64| {
-        let found = index.query_with_image(&orb(&query), image, 1, |id| id.id == out).unwrap();
+        let found = index.query(&orb(&query), image, 1, |id| id.id == out).unwrap();
         found.iter().map(|candidate| candidate.keyframe).collect::<Vec<_>>()
     };
     assert_eq!(keyframes(None, -1), [id(0, 30)]);
@@ -121,7 +122,7 @@ fn a_keyframe_whose_image_looks_alike_is_compared_too() {
 
 #[test]
 fn memory_comes_back() {
-    let empty = PlaceIndex::new().bytes();
+    let empty = PlaceIndex::default().bytes();
     let mut index = filled(0..300);
     let full = index.bytes();
     assert!(full > 300 * 50 * 32, "{full}");
@@ -142,10 +143,10 @@ fn a_flood_of_equal_descriptors_hides_no_place() {
     }
     let without: usize = 200 * 500 * 34;
     assert!(index.bytes() < without + filled(0..10).bytes() + 200_000, "{}", index.bytes());
-    let answer = index.query(&orb(&place(4)), 1, |_| false).unwrap();
+    let answer = index.query(&orb(&place(4)), None, 1, |_| false).unwrap();
     assert_eq!(answer[0].keyframe, id(0, 4));
     // In a keyframe full of equal descriptors no match is clear.
-    let answer = index.query(&orb(&flood), 5, |_| false).unwrap();
+    let answer = index.query(&orb(&flood), None, 5, |_| false).unwrap();
     assert!(answer.iter().all(|candidate| candidate.matches.len() <= 1), "{answer:?}");
     assert!((100..300).all(|number| index.remove(id(1, number))));
     // A list may be shorter than the one that grew by doubling.
@@ -154,18 +155,18 @@ fn a_flood_of_equal_descriptors_hides_no_place() {
 
 #[test]
 fn descriptors_of_different_types_are_not_compared() {
-    let mut index = PlaceIndex::new();
+    let mut index = PlaceIndex::default();
     let data = place(1);
     index.add(id(0, 1), 0, &orb(&data)).unwrap();
     let named = |name| data.iter().map(|data| Feature { name, data }).collect::<Vec<_>>();
-    assert!(index.query(&named("brief"), 5, |_| false).unwrap().is_empty());
+    assert!(index.query(&named("brief"), None, 5, |_| false).unwrap().is_empty());
     let short: Vec<Vec<u8>> = data.iter().map(|data| data[..16].to_vec()).collect();
-    assert!(index.query(&orb(&short), 5, |_| false).unwrap().is_empty());
+    assert!(index.query(&orb(&short), None, 5, |_| false).unwrap().is_empty());
     // A keyframe with two types of descriptors is listed once, its features by their numbers in the list.
     let mut both = named("brief");
     both.extend(orb(&short));
     index.add(id(0, 2), 0, &both).unwrap();
-    let answer = index.query(&both, 5, |_| false).unwrap();
+    let answer = index.query(&both, None, 5, |_| false).unwrap();
     assert_eq!((answer.len(), answer[0].keyframe), (1, id(0, 2)));
     let places: Vec<(usize, usize)> =
         answer[0].matches.iter().map(|matched| (matched.query, matched.candidate)).collect();
@@ -193,8 +194,8 @@ fn what_is_refused_leaves_the_index_as_it_was() {
     refused(id(0, 2), &orb(&vec![descriptor(1); 65_537]), "65537 descriptors");
     let lengths: Vec<Vec<u8>> = (16..32).map(|bytes| vec![1; bytes]).collect();
     refused(id(0, 2), &orb(&lengths), "17th type");
-    assert!(index.query(&orb(&short), 1, |_| false).is_err());
-    assert!(index.query(&[], 1, |_| false).unwrap().is_empty(), "nothing is asked");
+    assert!(index.query(&orb(&short), None, 1, |_| false).is_err());
+    assert!(index.query(&[], None, 1, |_| false).unwrap().is_empty(), "nothing is asked");
     index.add(id(0, 9), 0, &[]).unwrap();
     assert!(!index.contains(id(0, 9)), "one without descriptors cannot be found");
 }
@@ -205,11 +206,11 @@ fn every_length_of_descriptor_is_found() {
         let data: Vec<Vec<u8>> = (0..30)
             .map(|seed| (0..16).flat_map(|k| descriptor(100 * seed + k)).take(bytes).collect())
             .collect();
-        let mut index = PlaceIndex::new();
+        let mut index = PlaceIndex::default();
         index.add(id(0, 1), 0, &orb(&data)).unwrap();
         let mut query = data.clone();
         query.iter_mut().for_each(|data| data[bytes - 1] ^= 0x81);
-        let answer = index.query(&orb(&query), 1, |_| false).unwrap();
+        let answer = index.query(&orb(&query), None, 1, |_| false).unwrap();
         assert_eq!(answer[0].matches.len(), 30, "{bytes} bytes");
         assert!(answer[0].matches.iter().all(|matched| matched.distance == 2));
     }

@@ -57,13 +57,13 @@ fn a_recorded_desk_is_recognized() {
         }
     }
 
-    let mut index = PlaceIndex::new();
+    let mut index = PlaceIndex::default();
     let mut told = Vec::new();
     for k in 0..truth.len() {
         let features = orb(&descriptors[k]);
         let is_old = |other: usize| times[other] < times[k] - 3.0;
         let common = |other: usize| common_view(&points[k], &truth[k], &truth[other]);
-        let candidates = index.query(&features, 3, |id| !is_old(id.id as usize)).unwrap();
+        let candidates = index.query(&features, None, 3, |id| !is_old(id.id as usize)).unwrap();
         let best = candidates.first();
         told.push(Best {
             score: best.map_or(0.0, |best| best.score),

@@ -35,13 +35,13 @@ fn seen(keyframe: usize, flipped: f64) -> Vec<Vec<u8>> {
 
 /// Recall of the second lap in the first.
 fn recognized(flipped: f64) -> f64 {
-    let mut index = PlaceIndex::new();
+    let mut index = PlaceIndex::default();
     let mut told = Vec::new();
     for k in 0..2 * LAP {
         let data = seen(k, flipped);
         let features = orb(&data);
         let recent = |keyframe: EntityId| keyframe.id + 20 > k as i64;
-        let candidates = index.query(&features, 3, recent).unwrap();
+        let candidates = index.query(&features, None, 3, recent).unwrap();
         let is_near = |candidate: &Candidate| {
             let apart = (candidate.keyframe.id - k as i64).rem_euclid(LAP as i64);
             apart.min(LAP as i64 - apart) <= SIGHT as i64
