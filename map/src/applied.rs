@@ -155,20 +155,6 @@ fn noise(map: &Map, solved: Solved<'_>) -> Vec<(ClientIndex, Noise)> {
     found.map(|(&client, &noise)| (client, noise)).collect()
 }
 
-/// The change that a solved problem makes to the map as it is now.
-///
-/// `covered` names the sequences that the solve covers; `costs` are ½ Σ ρ before and after it.
-#[must_use]
-pub fn applied(
-    map_now: &Map,
-    solved: Solved<'_>,
-    kind: SolveKind,
-    covered: Vec<(ClientIndex, i64)>,
-    costs: (f64, f64),
-) -> AppliedSolve {
-    applied_as_far(map_now, solved, kind, covered, costs, Reach::All)
-}
-
 /// How much of a result is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reach {
@@ -181,9 +167,11 @@ pub enum Reach {
     },
 }
 
-/// As [`applied()`], as far as `reach` says.
+/// The change that a solved problem makes to the map as it is now, as far as `reach` says.
+///
+/// `covered` names the sequences that the solve covers; `costs` are ½ Σ ρ before and after it.
 #[must_use]
-pub fn applied_as_far(
+pub fn applied(
     map_now: &Map,
     solved: Solved<'_>,
     kind: SolveKind,

@@ -74,7 +74,7 @@ mod views;
 mod window;
 
 pub use affected::{Affected, affected};
-pub use applied::{Reach, Solved, applied, applied_as_far};
+pub use applied::{Reach, Solved, applied};
 pub use covisibility::Covisibility;
 pub use digest::Content;
 pub use duplicates::{Comparison, DuplicatePair, Duplicates, find_duplicates};
@@ -114,7 +114,7 @@ pub use triangulation::{has_unplaced, triangulate};
 pub use usage::{Counted, Counts, Exceeded, INDEXED_KEYFRAME, MapLimits, Usage};
 pub use view_noise::ViewNoise;
 pub use views::View;
-pub use window::{Window, choose_window, choose_window_while};
+pub use window::{Window, choose_window};
 
 /// Whether the map already has the content of an item of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

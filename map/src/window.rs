@@ -48,20 +48,12 @@ pub struct Window {
 }
 
 /// The window around keyframes, all of which may move; empty when the map holds none of them.
+///
+/// The keyframes `waiting` have had no solve of their own. Those at the end of a trajectory are where odometry
+/// puts them: they are in no window but their own, so that a burst is solved by the windows that the same
+/// keyframes one by one would have.
 #[must_use]
-pub fn choose_window(map: &Map, keyframes: &[EntityId]) -> Window {
-    choose_window_while(map, keyframes, &BTreeSet::new())
-}
-
-/// The same while the keyframes `waiting` have had no solve of their own. Those at the end of a trajectory
-/// are where odometry puts them: they are in no window but their own, so that a burst is solved by the windows
-/// that the same keyframes one by one would have.
-#[must_use]
-pub fn choose_window_while(
-    map: &Map,
-    keyframes: &[EntityId],
-    waiting: &BTreeSet<EntityId>,
-) -> Window {
+pub fn choose_window(map: &Map, keyframes: &[EntityId], waiting: &BTreeSet<EntityId>) -> Window {
     let held = keyframes.iter().copied().filter(|id| map.keyframes().contains_key(id));
     let mut free: BTreeSet<EntityId> = held.collect();
     if free.is_empty() {

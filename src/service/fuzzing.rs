@@ -5,6 +5,7 @@
 //! if a guarantee is broken: what passes a check fits the map, an event keeps its bits on disk, and
 //! its replay leads to the same state. A refusal is not a finding.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use covis_solvers::interrupt::Interrupt;
@@ -94,7 +95,8 @@ impl Engine {
         if !positions.is_empty() {
             self.commit(None, Change::LandmarksTriangulated { positions });
         }
-        let problem = local_problem(&self.map, &choose_window(&self.map, &[keyframe]));
+        let problem =
+            local_problem(&self.map, &choose_window(&self.map, &[keyframe], &BTreeSet::new()));
         if problem.is_solvable() {
             // A solver's refusal leaves the map as it is.
             let _refused = problem.problem.validate();

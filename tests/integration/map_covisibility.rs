@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 
-use covis::map::{Change, EntityId, EntityRef, Item, Map, MapPolicy, choose_window};
+use covis::map::{Change, EntityId, EntityRef, Item, Map, MapPolicy};
 use covis_solvers::testing::random::seeded;
 use rand::RngExt as _;
 
 use crate::map_fold::assert_consistent;
-use crate::map_support::{Journal, ROBOT, corner, id, landmark, observe, pose_at};
+use crate::map_support::{Journal, ROBOT, corner, id, landmark, observe, pose_at, window_around};
 
 /// Adds keyframe `id` that sees landmarks `seen` of those that the map holds.
 fn see(journal: &mut Journal, id: i64, seen: impl Iterator<Item = i64>) {
@@ -89,7 +89,7 @@ fn a_landmark_that_thousands_see_takes_memory_in_proportion() {
     assert!(map.covisibility().entry_count() <= 64 * KEYFRAMES as u64);
     assert!(map.usage().bytes < 20 << 20, "{:?}", map.usage());
     // The newest keyframe has the newest as neighbors, and an old one those of its time.
-    let window = choose_window(map, &[id(KEYFRAMES - 1)]);
+    let window = window_around(map, &[id(KEYFRAMES - 1)]);
     let all = [window.fixed, window.free].concat();
     // Odometry ties it to one more.
     assert_eq!(all, (KEYFRAMES - 21..KEYFRAMES).map(id).collect::<Vec<_>>());

@@ -7,15 +7,15 @@ use std::collections::BTreeSet;
 
 use covis::map::{
     Change, Comparison, ConstraintKind, Edit, EntityId, EntityRef, GlobalOptions, GraphPairs, Item,
-    ItemLandmark, ItemObservation, Map, MapPolicy, SolveKind, Solved, WhenFull, applied,
-    choose_window, find_duplicates, global_problem, retire,
+    ItemLandmark, ItemObservation, Map, MapPolicy, Reach, SolveKind, Solved, WhenFull, applied,
+    find_duplicates, global_problem, retire,
 };
 use covis_solvers::interrupt::Interrupt;
 use nalgebra::Vector3;
 
 use crate::map_fold::assert_consistent;
 use crate::map_support::{
-    Journal, ROBOT, corner, id, pose_at, relative_pose, street, street_keyframe,
+    Journal, ROBOT, corner, id, pose_at, relative_pose, street, street_keyframe, window_around,
 };
 
 /// Added to the ids of what is seen on the second visit.
@@ -119,13 +119,20 @@ fn duplicates_are_one_variable_and_close_covisibility() {
     let constant = joined.problem.constant_poses.iter().filter(|&&constant| constant).count();
     assert_eq!(constant, 1, "the visits are one piece");
     assert_eq!(measured_pairs(map), measured, "relative poses are measured without them");
-    let window = choose_window(map, &[id(1)]);
+    let window = window_around(map, &[id(1)]);
     let all: Vec<EntityId> = window.free.iter().chain(&window.fixed).copied().collect();
     assert!(all.contains(&id(1 + AGAIN)), "{all:?}");
     assert!(window.landmarks.contains(&id(10 + AGAIN)));
 
     joined.problem.landmarks.iter_mut().for_each(|position| position.z += 0.5);
-    let solve = applied(map, Solved::Bundle(&joined), SolveKind::Global, Vec::new(), (2.0, 1.0));
+    let solve = applied(
+        map,
+        Solved::Bundle(&joined),
+        SolveKind::Global,
+        Vec::new(),
+        (2.0, 1.0),
+        Reach::All,
+    );
     journal.push(Change::SolveApplied { solve });
     for (a, b) in pairs(&journal.map) {
         let position = |id: EntityId| journal.map.landmarks().get(&id).unwrap().position.unwrap();

@@ -5,7 +5,7 @@
 
 use covis::map::{
     Affected, AppliedSolve, Change, ConstraintKind, Edit, GlobalOptions, Item, ItemLandmark,
-    MapPolicy, SolveKind, Solved, SwitchedOff, affected, applied, choose_window, global_problem,
+    MapPolicy, Reach, SolveKind, Solved, SwitchedOff, affected, applied, global_problem,
 };
 use covis_solvers::geometry::{Camera, Snavely};
 use nalgebra::Vector3;
@@ -14,7 +14,7 @@ use crate::map_edits::{fuse, own, remove_keyframe, revoke, send, set_camera, sig
 use crate::map_fold::assert_consistent;
 use crate::map_support::{
     Journal, ROBOT, fix, id, loop_problem, pinhole, pose_at, relative_pose, solve_of, street,
-    street_keyframe,
+    street_keyframe, window_around,
 };
 
 /// What the next edit of a street asks to be solved.
@@ -64,9 +64,9 @@ fn an_edit_asks_for_its_keyframes_and_a_closure_or_prior_for_the_graph() {
     // Their window holds all of them, however small the policy makes it.
     let small = MapPolicy { window_keyframes: 2, ..MapPolicy::default() };
     journal.push(Change::PolicySet { policy: small });
-    let window = choose_window(&journal.map, &keyframes(&[2, 3, 99, 4]));
+    let window = window_around(&journal.map, &keyframes(&[2, 3, 99, 4]));
     assert_eq!(window.free, keyframes(&[2, 3, 4]));
-    assert!(choose_window(&journal.map, &keyframes(&[99])).free.is_empty());
+    assert!(window_around(&journal.map, &keyframes(&[99])).free.is_empty());
 }
 
 #[test]
@@ -90,10 +90,22 @@ fn a_solve_leaves_alone_what_was_edited_while_it_ran() {
 
     let merge = |journal: &Journal| {
         let map = &journal.map;
-        let bundle =
-            applied(map, Solved::Bundle(&bundle), SolveKind::Global, Vec::new(), (2.0, 1.0));
-        let graph =
-            applied(map, Solved::Graph(&graph), SolveKind::PoseGraph, Vec::new(), (2.0, 1.0));
+        let bundle = applied(
+            map,
+            Solved::Bundle(&bundle),
+            SolveKind::Global,
+            Vec::new(),
+            (2.0, 1.0),
+            Reach::All,
+        );
+        let graph = applied(
+            map,
+            Solved::Graph(&graph),
+            SolveKind::PoseGraph,
+            Vec::new(),
+            (2.0, 1.0),
+            Reach::All,
+        );
         for solve in [bundle.clone(), graph.clone()] {
             let mut journal = journal.clone();
             journal.push(Change::SolveApplied { solve });

@@ -2,8 +2,8 @@
 //! still come as if there had been none.
 
 use covis::map::{
-    AppliedSolve, Change, EntityRef, Gauge, Item, ItemLandmark, Map, MapPolicy, SolveKind, Solved,
-    applied,
+    AppliedSolve, Change, EntityRef, Gauge, Item, ItemLandmark, Map, MapPolicy, Reach, SolveKind,
+    Solved, applied,
 };
 use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::Vector3;
@@ -130,8 +130,14 @@ fn small_corrections_leave_start_estimates_as_they_are_sent() {
             *pose = Se3::new(So3::identity(), Vector3::new(0.0, shift, 0.0)).compose(pose);
         }
         let costs = (1.0, 0.0);
-        let solve =
-            applied(&journal.map, Solved::Graph(&problem), SolveKind::PoseGraph, Vec::new(), costs);
+        let solve = applied(
+            &journal.map,
+            Solved::Graph(&problem),
+            SolveKind::PoseGraph,
+            Vec::new(),
+            costs,
+            Reach::All,
+        );
         assert_eq!(solve.left_frames.len(), usize::from(leaves), "{shift} m");
     }
 }
@@ -164,6 +170,7 @@ fn frames_that_overflow_are_not_kept_and_move_nothing() {
         SolveKind::PoseGraph,
         Vec::new(),
         (1.0, 0.0),
+        Reach::All,
     );
     assert!(!solve.poses.is_empty() && solve.left_frames.is_empty(), "{solve:?}");
     journal.push(Change::SolveApplied { solve });

@@ -6,9 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use covis::map::{
     AppliedSolve, Change, ClientIndex, ConstraintKind, Edit, EntityId, EntityRef, Gauge,
-    GlobalOptions, Item, Link, Map, MapError, MapPolicy, MapProblem, SolveKind, Solved,
-    SwitchedOff, WhenFull, applied, choose_window, global_problem, local_problem,
-    observation_problem, retire,
+    GlobalOptions, Item, Link, Map, MapError, MapPolicy, MapProblem, Reach, SolveKind, Solved,
+    SwitchedOff, WhenFull, applied, global_problem, local_problem, observation_problem, retire,
 };
 use covis_solvers::bundle_adjustment;
 use covis_solvers::geometry::{LieGroup, Se3, Sim3};
@@ -22,7 +21,7 @@ use nalgebra::{Vector3, Vector6};
 use crate::map_duplicates::{AGAIN, found, twice};
 use crate::map_support::{
     Journal, ROBOT, fix, graph_problem, id, pose_at, relative_pose, solve_of, street,
-    street_keyframe,
+    street_keyframe, window_around,
 };
 
 /// The bits of a keyframe's pose.
@@ -41,14 +40,14 @@ fn bundle(problem: &mut MapProblem) {
 }
 
 fn take(journal: &mut Journal, solved: Solved<'_>, kind: SolveKind) {
-    let solve = applied(&journal.map, solved, kind, Vec::new(), (2.0, 1.0));
+    let solve = applied(&journal.map, solved, kind, Vec::new(), (2.0, 1.0), Reach::All);
     journal.map.keeps_gauge(solved.gauge(&journal.map), &solve).unwrap();
     journal.push(Change::SolveApplied { solve });
 }
 
 /// Bundle adjustment of the window around keyframes; answers how many keyframes it moved.
 fn window(journal: &mut Journal, centers: &[EntityId]) -> usize {
-    let mut problem = local_problem(&journal.map, &choose_window(&journal.map, centers));
+    let mut problem = local_problem(&journal.map, &window_around(&journal.map, centers));
     bundle(&mut problem);
     take(journal, Solved::Bundle(&problem), SolveKind::LocalBundle);
     problem.problem.constant_poses.iter().filter(|&&constant| !constant).count()
@@ -179,14 +178,14 @@ fn windows_move_the_others_around_the_first_keyframe() {
     let mut journal = twice(0.05);
     found(&mut journal);
     let before = bits(&journal.map, id(1));
-    let chosen = choose_window(&journal.map, &[id(1 + AGAIN)]);
+    let chosen = window_around(&journal.map, &[id(1 + AGAIN)]);
     assert!(chosen.fixed.contains(&id(0)) && chosen.free.contains(&id(1)), "{chosen:?}");
     assert!(window(&mut journal, &[id(1 + AGAIN)]) > 0);
     assert_ne!(bits(&journal.map, id(1)), before);
     // A gauge that holds nothing frees it; the rim of the window is held all the same.
     let policy = MapPolicy { gauge: Gauge::Free, window_keyframes: 3, ..MapPolicy::default() };
     let free = street(8, policy);
-    assert!(choose_window(&free.map, &[id(0)]).free.contains(&id(0)));
+    assert!(window_around(&free.map, &[id(0)]).free.contains(&id(0)));
 }
 
 #[test]
@@ -212,7 +211,7 @@ fn a_map_that_makes_room_holds_the_next_keyframe_where_it_is() {
     let mut journal = twice(0.05);
     found(&mut journal);
     // Solves that began while keyframe 0 was there.
-    let mut window = local_problem(&journal.map, &choose_window(&journal.map, &[id(1)]));
+    let mut window = local_problem(&journal.map, &window_around(&journal.map, &[id(1)]));
     let mut whole = global_problem(&journal.map, &GlobalOptions::default());
     let mut graph = graph_problem(&journal.map, Gauge::default(), |_, _| None);
     bundle(&mut window);
@@ -369,10 +368,10 @@ fn a_problem_says_what_fixes_its_frame() {
     let policy = MapPolicy { window_keyframes: 3, ..MapPolicy::default() };
     let journal = street(8, policy);
     let window =
-        |center| local_problem(&journal.map, &choose_window(&journal.map, &[id(center)])).frame;
+        |center| local_problem(&journal.map, &window_around(&journal.map, &[id(center)])).frame;
     assert_eq!(window(7), Gauge::FixedPoses, "the keyframes around it");
     let small = street(3, MapPolicy::default());
-    let only = local_problem(&small.map, &choose_window(&small.map, &[id(2)])).frame;
+    let only = local_problem(&small.map, &window_around(&small.map, &[id(2)])).frame;
     assert_eq!(only, Gauge::FirstKeyframeFixed);
     let whole = |map: &Map, gauge| {
         global_problem(map, &GlobalOptions { gauge, ..GlobalOptions::default() }).frame

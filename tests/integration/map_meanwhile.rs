@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use covis::map::{
     AppliedSolve, Change, ConstraintKind, Gauge, GlobalOptions, MapPolicy, Reach, SolveKind,
-    Solved, SwitchedOff, applied, applied_as_far, global_problem, region_problem,
+    Solved, SwitchedOff, applied, global_problem, region_problem,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::{Vector3, Vector6};
@@ -52,7 +52,7 @@ fn what_a_window_moved_during_a_pose_graph_goes_along_and_the_rest_is_as_it_was_
     }
     let by_window = window_moves_5(&mut journal);
     let solved = Solved::Graph(&problem);
-    let solve = applied(&journal.map, solved, SolveKind::PoseGraph, Vec::new(), COSTS);
+    let solve = applied(&journal.map, solved, SolveKind::PoseGraph, Vec::new(), COSTS, Reach::All);
     journal.push(Change::SolveApplied { solve });
     for k in [1, 2, 3, 4, 6, 7] {
         assert_eq!(pose(&journal, k), found(k));
@@ -78,7 +78,7 @@ fn what_a_window_moved_during_an_adjustment_goes_along_with_its_landmarks() {
     }
     let by_window = window_moves_5(&mut journal);
     let solved = Solved::Bundle(&problem);
-    let solve = applied(&journal.map, solved, SolveKind::Global, Vec::new(), COSTS);
+    let solve = applied(&journal.map, solved, SolveKind::Global, Vec::new(), COSTS, Reach::All);
     journal.push(Change::SolveApplied { solve });
     let moves = motion(0.005);
     assert!(pose_error(&pose(&journal, 5), &moves.compose(&by_window)) < 1e-12);
@@ -97,7 +97,8 @@ fn a_window_leaves_to_others_what_they_moved_meanwhile() {
     problem.problem.poses[6] = motion(0.3).compose(&pose_at(6.0));
     let by_other = window_moves_5(&mut journal);
     let solved = Solved::Bundle(&problem);
-    let solve = applied(&journal.map, solved, SolveKind::LocalBundle, Vec::new(), COSTS);
+    let solve =
+        applied(&journal.map, solved, SolveKind::LocalBundle, Vec::new(), COSTS, Reach::All);
     journal.push(Change::SolveApplied { solve });
     assert_eq!(pose(&journal, 5), by_other);
     assert_eq!(pose(&journal, 6), motion(0.3).compose(&pose_at(6.0)));
@@ -112,10 +113,10 @@ fn what_no_measurement_could_notice_is_no_part_of_an_event_of_the_maps_own() {
         problem.graph.poses[k as usize] = motion(by).compose(&pose_at(f64::from(k)));
     }
     let solved = Solved::Graph(&problem);
-    let all = applied(&journal.map, solved, SolveKind::PoseGraph, Vec::new(), COSTS);
+    let all = applied(&journal.map, solved, SolveKind::PoseGraph, Vec::new(), COSTS, Reach::All);
     assert_eq!(all.poses.len(), 7);
     let kind = SolveKind::PoseGraph;
-    let solve = applied_as_far(
+    let solve = applied(
         &journal.map,
         solved,
         kind,
@@ -175,7 +176,7 @@ fn a_pose_graph_whose_closures_fit_the_map_moves_nothing() {
         let (solved, kind) = (Solved::Graph(&problem), SolveKind::PoseGraph);
         let moved = |if_contradicted| {
             let reach = Reach::Noticeable { if_contradicted };
-            let solve = applied_as_far(&journal.map, solved, kind, Vec::new(), COSTS, reach);
+            let solve = applied(&journal.map, solved, kind, Vec::new(), COSTS, reach);
             !solve.poses.is_empty() && !solve.landmarks.is_empty()
         };
         assert_eq!(moved(true), is_contradicted);

@@ -4,18 +4,18 @@ use std::collections::BTreeSet;
 
 use covis::map::{
     Change, ConstraintKind, GlobalOptions, Held, Item, MapPolicy, MapProblem, Noise, OdometryNoise,
-    SolveKind, Solved, Start, applied, choose_window, choose_window_while, global_problem,
-    local_problem,
+    Reach, SolveKind, Solved, Start, applied, choose_window, global_problem, local_problem,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
 
 use crate::map_support::{
     Journal, ROBOT, id, pose_at, pose_error, relative_pose, solve_of, street, street_keyframe,
+    window_around,
 };
 
 /// The pairs of keyframes that a window's odometry ties.
 fn ties(journal: &Journal, center: i64) -> Vec<(i64, i64)> {
-    let problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(center)]));
+    let problem = local_problem(&journal.map, &window_around(&journal.map, &[id(center)]));
     let pair = |&index: &usize| {
         let factor = &problem.problem.relative_poses[index];
         (problem.keyframes[factor.i].id, problem.keyframes[factor.j].id)
@@ -47,7 +47,7 @@ fn noise_follows_what_exact_views_say_of_odometry() {
         }
         journal.send(ROBOT, &item).unwrap();
     }
-    let mut problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(6)]));
+    let mut problem = local_problem(&journal.map, &window_around(&journal.map, &[id(6)]));
     let before = OdometryNoise::default();
     for _ in 0..40 {
         problem.learn_odometry_noise();
@@ -57,7 +57,8 @@ fn noise_follows_what_exact_views_say_of_odometry() {
     assert!((0.02..0.06).contains(&after.translation_share), "5 % along one of three axes");
     assert!(after.rotation_rad < 1.1 * before.rotation_rad, "rotation is exact: {after:?}");
     let solved = Solved::Bundle(&problem);
-    let solve = applied(&journal.map, solved, SolveKind::LocalBundle, Vec::new(), (1.0, 0.5));
+    let solve =
+        applied(&journal.map, solved, SolveKind::LocalBundle, Vec::new(), (1.0, 0.5), Reach::All);
     assert_eq!(solve.noise, [(ROBOT, problem.noise[&ROBOT])]);
     journal.push(Change::SolveApplied { solve });
     assert_eq!(journal.map.client(ROBOT).unwrap().noise.odometry, after);
@@ -80,7 +81,7 @@ fn scaleless_street(keyframes: i64, unit: f64) -> Journal {
 #[test]
 fn odometry_without_metric_scale_continues_that_of_the_map() {
     let journal = scaleless_street(6, 3.0);
-    let problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(5)]));
+    let problem = local_problem(&journal.map, &window_around(&journal.map, &[id(5)]));
     let ties: Vec<_> =
         problem.odometry.iter().map(|&i| problem.problem.relative_poses[i]).collect();
     // Nothing went before the first one that could say how long its step is.
@@ -101,7 +102,7 @@ fn odometry_without_metric_scale_continues_that_of_the_map() {
 #[test]
 fn noise_learns_nothing_from_lengths_without_metric_scale() {
     let journal = scaleless_street(12, 3.0);
-    let mut problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(6)]));
+    let mut problem = local_problem(&journal.map, &window_around(&journal.map, &[id(6)]));
     for pose in problem.problem.poses.iter_mut() {
         // The map's scale changes by a tenth.
         pose.translation *= 1.1;
@@ -155,7 +156,7 @@ fn raw_odometry_starts_where_its_views_fit_and_so_does_an_estimate_of_the_map() 
 fn keyframes_that_wait_hold_nothing_and_go_with_the_one_before_them() {
     let journal = street(6, MapPolicy { window_keyframes: 2, ..MapPolicy::default() });
     let waiting: BTreeSet<_> = [3, 4, 5].map(id).into();
-    let window = choose_window_while(&journal.map, &[id(2)], &waiting);
+    let window = choose_window(&journal.map, &[id(2)], &waiting);
     assert!(window.fixed.iter().all(|held| !waiting.contains(held)), "{window:?}");
     assert_eq!(
         window.carried,
@@ -169,12 +170,13 @@ fn keyframes_that_wait_hold_nothing_and_go_with_the_one_before_them() {
         }
     }
     let solved = Solved::Bundle(&problem);
-    let solve = applied(&journal.map, solved, SolveKind::LocalBundle, Vec::new(), (1.0, 0.5));
+    let solve =
+        applied(&journal.map, solved, SolveKind::LocalBundle, Vec::new(), (1.0, 0.5), Reach::All);
     let last = solve.poses.iter().find(|(moved, _)| *moved == id(5)).unwrap().1;
     assert!(pose_error(&last, &shift.compose(&pose_at(5.0))) < 1e-12, "{last:?}");
     // One behind which there is a solved keyframe is no end of a trajectory.
     let middle: BTreeSet<_> = [id(3)].into();
-    assert!(choose_window_while(&journal.map, &[id(2)], &middle).carried.is_empty());
+    assert!(choose_window(&journal.map, &[id(2)], &middle).carried.is_empty());
 }
 
 #[test]
@@ -190,11 +192,11 @@ fn keyframes_that_see_nothing_move_with_those_beside_them() {
         }
         journal.send(ROBOT, &item).unwrap();
     }
-    let window = choose_window(&journal.map, &[id(5)]);
+    let window = window_around(&journal.map, &[id(5)]);
     assert!([3, 4].map(id).iter().all(|blind| window.free.contains(blind)), "{window:?}");
     let problem = local_problem(&journal.map, &window);
     assert_eq!(problem.held, [], "odometry measures them");
-    let alone = local_problem(&journal.map, &choose_window(&journal.map, &[id(3)]));
+    let alone = local_problem(&journal.map, &window_around(&journal.map, &[id(3)]));
     assert!(alone.is_solvable());
 }
 
@@ -228,7 +230,7 @@ fn the_whole_map_is_tied_by_odometry_but_for_where_it_began_anew() {
 /// The window around the last keyframe of a street whose policy is `policy`, and its start.
 fn last_window(policy: MapPolicy) -> (MapProblem, Start) {
     let journal = street(6, policy);
-    let problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(5)]));
+    let problem = local_problem(&journal.map, &window_around(&journal.map, &[id(5)]));
     let start = problem.start();
     (problem, start)
 }
@@ -242,7 +244,7 @@ fn place(problem: &MapProblem, keyframe: i64) -> usize {
 fn a_window_without_odometry_reaches_past_those_that_see_the_same() {
     let free = |odometry| {
         let journal = street(12, MapPolicy { odometry, ..MapPolicy::default() });
-        let window = choose_window(&journal.map, &[id(11)]);
+        let window = window_around(&journal.map, &[id(11)]);
         window.free.iter().map(|id| id.id).collect::<Vec<_>>()
     };
     assert_eq!(free(true), [8, 9, 10, 11], "a keyframe shares corners with three before it");

@@ -1,12 +1,12 @@
 //! Which landmarks a local solve may move: those that their observers pin down.
 
 use covis::map::{
-    EntityRef, Item, ItemLandmark, Map, MapPolicy, SolveKind, Solved, applied, choose_window,
+    EntityRef, Item, ItemLandmark, Map, MapPolicy, Reach, SolveKind, Solved, applied,
     global_problem, local_problem,
 };
 use nalgebra::Vector3;
 
-use crate::map_support::{Journal, ROBOT, id, observe, pose_at};
+use crate::map_support::{Journal, ROBOT, id, observe, pose_at, window_around};
 
 /// Keyframe `k` at x meters, which sees landmarks at these points; the first brings them along.
 fn keyframe(k: i64, x: f64, points: &[Vector3<f64>]) -> Item {
@@ -42,7 +42,7 @@ fn pair() -> Map {
 #[test]
 fn a_window_leaves_out_landmarks_without_parallax_or_behind_a_camera() {
     let map = pair();
-    assert_eq!(choose_window(&map, &[id(1)]).landmarks, [id(0)]);
+    assert_eq!(window_around(&map, &[id(1)]).landmarks, [id(0)]);
     // The whole map's solve takes them all.
     assert_eq!(global_problem(&map, &Default::default()).landmarks, [id(0), id(1), id(2)]);
 }
@@ -50,7 +50,7 @@ fn a_window_leaves_out_landmarks_without_parallax_or_behind_a_camera() {
 #[test]
 fn a_landmark_that_a_window_throws_away_stays_where_it_was() {
     let map = pair();
-    let mut problem = local_problem(&map, &choose_window(&map, &[id(1)]));
+    let mut problem = local_problem(&map, &window_around(&map, &[id(1)]));
     let mut outcome = |position: Vector3<f64>| {
         problem.problem.landmarks[0] = position;
         let solve = applied(
@@ -59,6 +59,7 @@ fn a_landmark_that_a_window_throws_away_stays_where_it_was() {
             SolveKind::LocalBundle,
             vec![(ROBOT, 2)],
             (1.0, 0.5),
+            Reach::All,
         );
         solve.landmarks.iter().find(|(landmark, _)| *landmark == id(0)).map(|&(_, p)| p)
     };

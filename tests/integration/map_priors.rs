@@ -4,8 +4,7 @@
 
 use covis::map::{
     AppliedSolve, Change, ConstraintKind, EntityRef, Gauge, GlobalOptions, Item, MapPolicy,
-    MeasuredPosition, Prior, Reason, SolveKind, SwitchedOff, choose_window, global_problem,
-    local_problem,
+    MeasuredPosition, Prior, Reason, SolveKind, SwitchedOff, global_problem, local_problem,
 };
 use covis_solvers::geometry::{Geodetic, LocalFrame};
 use covis_solvers::information::Information;
@@ -14,6 +13,7 @@ use nalgebra::Vector3;
 
 use crate::map_support::{
     Journal, ROBOT, fix, graph_problem, id, loop_problem, pose_at, relative_pose, solve_of, street,
+    window_around,
 };
 
 /// A solve that changes nothing but verdicts.
@@ -140,7 +140,7 @@ fn a_window_leaves_a_strained_fix_to_the_pose_graph() {
         let mut journal = street(4, policy);
         let at = pose_at(2.0).translation + Vector3::x() * off;
         journal.send(ROBOT, &fix(1, 2, at)).unwrap();
-        let window = choose_window(&journal.map, &[id(3)]);
+        let window = window_around(&journal.map, &[id(3)]);
         local_problem(&journal.map, &window).problem.position_priors.len()
     };
     // σ is 0.01 m.

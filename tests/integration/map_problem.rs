@@ -4,8 +4,8 @@
 
 use covis::map::{
     Change, ConstraintKind, Depth, EntityId, EntityRef, Gauge, GlobalOptions, Item, ItemLandmark,
-    ItemObservation, Map, MapPolicy, SolveKind, Solved, Window, applied, choose_window,
-    global_problem, local_problem, pair_input, triangulate,
+    ItemObservation, Map, MapPolicy, Reach, SolveKind, Solved, Window, applied, global_problem,
+    local_problem, pair_input, triangulate,
 };
 use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::geometry::LieGroup;
@@ -16,7 +16,7 @@ use nalgebra::{Vector3, Vector6};
 
 use crate::map_support::{
     Journal, ROBOT, corner, id, loop_problem, observe, pose_at, pose_error, relative_pose, street,
-    street_keyframe,
+    street_keyframe, window_around,
 };
 
 fn bundle(problem: &mut covis::map::MapProblem) {
@@ -36,7 +36,7 @@ fn a_window_takes_the_keyframes_that_share_most_and_holds_the_rest() {
     // Keyframe k sees corners 10k − 20 to 10k + 20, so it shares 30, 20, 10 with its neighbors.
     let shared = |a, b| journal.map.covisibility().shared(id(a), id(b));
     assert_eq!((shared(7, 6), shared(7, 5), shared(7, 4), shared(7, 3)), (30, 20, 10, 0));
-    let window = choose_window(&journal.map, &[id(7)]);
+    let window = window_around(&journal.map, &[id(7)]);
     assert_eq!(window.free, [id(5), id(6), id(7)]);
     assert_eq!(window.fixed, [id(2), id(3), id(4)]);
     // Corners 80 to 89 are seen once and left out.
@@ -45,19 +45,19 @@ fn a_window_takes_the_keyframes_that_share_most_and_holds_the_rest() {
     // Ties go to the more recent keyframe: 5 shares 30 with 4 and with 6.
     let policy = MapPolicy { window_keyframes: 2, ..MapPolicy::default() };
     let journal = street(8, policy);
-    assert_eq!(choose_window(&journal.map, &[id(5)]).free, [id(5), id(6)]);
-    assert_eq!(choose_window(&journal.map, &[id(99)]), Window::default());
+    assert_eq!(window_around(&journal.map, &[id(5)]).free, [id(5), id(6)]);
+    assert_eq!(window_around(&journal.map, &[id(99)]), Window::default());
 }
 
 #[test]
 fn a_window_without_outside_views_holds_its_oldest_keyframe() {
     let journal = street(3, MapPolicy::default());
-    let window = choose_window(&journal.map, &[id(2)]);
+    let window = window_around(&journal.map, &[id(2)]);
     assert_eq!((window.free, window.fixed), (vec![id(1), id(2)], vec![id(0)]));
     let single = street(1, MapPolicy::default());
-    let window = choose_window(&single.map, &[id(0)]);
+    let window = window_around(&single.map, &[id(0)]);
     assert_eq!((window.free.len(), window.fixed, window.landmarks.len()), (0, vec![id(0)], 0));
-    assert!(!local_problem(&single.map, &choose_window(&single.map, &[id(0)])).is_solvable());
+    assert!(!local_problem(&single.map, &window_around(&single.map, &[id(0)])).is_solvable());
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn a_local_solve_recovers_a_bad_start_and_the_rest_stays() {
     let mut journal = street(7, policy);
     let start = pose_at(7.0).plus(&Vector6::new(0.05, -0.03, 0.04, 0.01, -0.02, 0.01));
     journal.send(ROBOT, &street_keyframe(7, start, &journal.map)).unwrap();
-    let mut problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(7)]));
+    let mut problem = local_problem(&journal.map, &window_around(&journal.map, &[id(7)]));
     assert!(problem.is_solvable());
     assert_eq!(problem.problem.observation_loss, observation_loss);
     let before = bundle_cost(&problem.problem).total;
@@ -87,6 +87,7 @@ fn a_local_solve_recovers_a_bad_start_and_the_rest_stays() {
         SolveKind::LocalBundle,
         covered,
         (before, after),
+        Reach::All,
     );
     let moved: Vec<_> = solve.poses.iter().map(|&(id, _)| id).collect();
     assert_eq!(moved, [id(4), id(5), id(6), id(7)], "twice as many, without odometry");
@@ -192,8 +193,14 @@ fn what_arrived_during_a_solve_moves_with_its_reference() {
     let motion_of_3 = pose_at(0.0).plus(&Vector6::new(-0.2, 0.1, 0.0, 0.0, 0.1, 0.0));
     problem.problem.poses[1] = motion_of_1.compose(&pose_at(1.0));
     problem.problem.poses[3] = motion_of_3.compose(&pose_at(3.0));
-    let solve =
-        applied(&journal.map, Solved::Bundle(&problem), SolveKind::Global, Vec::new(), (1.0, 0.5));
+    let solve = applied(
+        &journal.map,
+        Solved::Bundle(&problem),
+        SolveKind::Global,
+        Vec::new(),
+        (1.0, 0.5),
+        Reach::All,
+    );
     journal.push(Change::SolveApplied { solve });
     let pose = |k| journal.map.keyframes().get(&id(k)).unwrap().world_from_camera;
     assert!(pose_error(&pose(4), &motion_of_3.compose(&pose_at(4.0))) < 1e-12);
@@ -246,6 +253,7 @@ fn a_loop_closure_bends_the_street_back_and_landmarks_follow() {
         SolveKind::PoseGraph,
         vec![(ROBOT, 22)],
         costs,
+        Reach::All,
     );
     assert!(solve.poses.iter().all(|(k, _)| *k != id(0)), "the gauge does not move");
     let before = journal.map.clone();
@@ -286,8 +294,14 @@ fn no_solve_changes_what_a_pair_of_keyframes_measured() {
     for pose in problem.problem.poses.iter_mut().skip(1) {
         *pose = pose.plus(&Vector6::new(0.5, 0.1, -0.3, 0.05, 0.02, 0.1));
     }
-    let solve =
-        applied(&journal.map, Solved::Bundle(&problem), SolveKind::Global, Vec::new(), (1.0, 0.5));
+    let solve = applied(
+        &journal.map,
+        Solved::Bundle(&problem),
+        SolveKind::Global,
+        Vec::new(),
+        (1.0, 0.5),
+        Reach::All,
+    );
     journal.push(Change::SolveApplied { solve });
     assert_eq!(loop_problem(&journal.map, measured(&journal.map)).graph.edges, before);
 }
@@ -335,7 +349,7 @@ fn landmarks_without_position_are_triangulated_once_views_allow() {
         journal.map.revision()
     );
     assert!(triangulate(&journal.map, id(1)).is_empty(), "all have a position now");
-    assert!(choose_window(&journal.map, &[id(1)]).landmarks.contains(&id(4)), "by its depth");
+    assert!(window_around(&journal.map, &[id(1)]).landmarks.contains(&id(4)), "by its depth");
 }
 
 #[test]
@@ -359,6 +373,6 @@ fn a_landmark_that_no_point_explains_stays_without_position_and_hinders_no_other
         3,
         "its observations stay"
     );
-    let window = choose_window(&journal.map, &[id(2)]);
+    let window = window_around(&journal.map, &[id(2)]);
     assert!(window.landmarks.contains(&id(1)) && !window.landmarks.contains(&id(3)));
 }

@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Counted, Edit, EntityId, EntityRef,
     Event, Gauge, GraphPairs, GraphProblem, Item, ItemLandmark, ItemObservation, Map, MapPolicy,
-    MeasuredPosition, Rejection, SolveKind, measured_graph,
+    MeasuredPosition, Rejection, SolveKind, Window, choose_window, measured_graph,
 };
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use covis_solvers::information::Information;
@@ -205,6 +205,11 @@ pub(crate) fn loop_problem(
 /// A solve of this kind that changes nothing.
 pub(crate) fn solve_of(kind: SolveKind) -> AppliedSolve {
     AppliedSolve { initial_cost: 1.0, final_cost: 0.5, ..AppliedSolve::unchanged(kind) }
+}
+
+/// The window around keyframes while none waits for one.
+pub(crate) fn window_around(map: &Map, keyframes: &[EntityId]) -> Window {
+    choose_window(map, keyframes, &BTreeSet::new())
 }
 
 pub(crate) fn pose_error(a: &Se3, b: &Se3) -> f64 {

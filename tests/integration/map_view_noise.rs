@@ -1,14 +1,14 @@
 //! Views whose deviations are not those that their client states: what windows find, and what they believe.
 
 use covis::map::{
-    Change, Item, MapPolicy, SolveKind, Solved, ViewNoise, applied, choose_window, local_problem,
+    Change, Item, MapPolicy, Reach, SolveKind, Solved, ViewNoise, applied, local_problem,
 };
 use covis_solvers::bundle_adjustment;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::ignore_iterations;
 use covis_solvers::testing::random::{normal_vector, seeded};
 
-use crate::map_support::{Journal, ROBOT, id, pose_at, street_keyframe};
+use crate::map_support::{Journal, ROBOT, id, pose_at, street_keyframe, window_around};
 
 /// A street of 30 keyframes whose pixels are `deviation` off and state 1 px, after a window of each.
 fn seen_with(deviation: f64) -> Journal {
@@ -31,7 +31,7 @@ fn seen_with_wrong(deviation: f64, nth: usize) -> Journal {
             }
         }
         journal.send(ROBOT, &item).unwrap();
-        let mut problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(k)]));
+        let mut problem = local_problem(&journal.map, &window_around(&journal.map, &[id(k)]));
         if !problem.is_solvable() {
             continue;
         }
@@ -40,7 +40,14 @@ fn seen_with_wrong(deviation: f64, nth: usize) -> Journal {
         bundle_adjustment::solve(&mut problem.problem, &options, &mut ignore_iterations).unwrap();
         problem.learn_view_noise();
         let solved = Solved::Bundle(&problem);
-        let solve = applied(&journal.map, solved, SolveKind::LocalBundle, Vec::new(), (1.0, 0.5));
+        let solve = applied(
+            &journal.map,
+            solved,
+            SolveKind::LocalBundle,
+            Vec::new(),
+            (1.0, 0.5),
+            Reach::All,
+        );
         journal.push(Change::SolveApplied { solve });
     }
     journal
@@ -52,7 +59,7 @@ fn noise(journal: &Journal) -> ViewNoise {
 
 /// The deviation of a pixel in the newest window, and the width of its loss.
 fn believed(journal: &Journal) -> (f64, Loss) {
-    let problem = local_problem(&journal.map, &choose_window(&journal.map, &[id(29)]));
+    let problem = local_problem(&journal.map, &window_around(&journal.map, &[id(29)]));
     let seen = problem.problem.observations().next().unwrap().seen;
     (seen.sigma_px, problem.problem.observation_loss)
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::Actor;
 use crate::map::{
     AppliedSolve, Change, ClientIndex, EntityId, Held, Map, Reach, SolveKind, SwitchedOff,
-    applied_as_far,
+    applied,
 };
 use crate::service::engine::outcome::{HeldKeyframe, Moved, Outcome, Solution};
 use crate::service::engine::pool::Ended;
@@ -180,7 +180,7 @@ impl Actor {
                 std::panic::panic_any("staged by a test");
             }
             let solved = moved.solved();
-            let solve = applied_as_far(map, solved, kind, covered, costs, reach);
+            let solve = applied(map, solved, kind, covered, costs, reach);
             let kept = map.keeps_gauge(solved.gauge(map), &solve);
             (solve, kept)
         };

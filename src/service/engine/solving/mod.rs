@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 
 use covis_solvers::{bundle_adjustment, optimizer};
 
-use crate::map::{EntityId, Map, RequestId, SolveKind, choose_window_while, local_problem};
+use crate::map::{EntityId, Map, RequestId, SolveKind, choose_window, local_problem};
 use crate::service::engine::context::MapContext;
 use crate::service::engine::outcome::{OptimizeRequest, Outcome};
 use crate::service::engine::pool::{Ended, Slot, SolverPool};
@@ -223,7 +223,7 @@ impl Solving {
                 [keyframe] => pairs.unmeasured_near(map, keyframe),
                 _ => Vec::new(),
             };
-            let window = choose_window_while(map, &centers, &waiting);
+            let window = choose_window(map, &centers, &waiting);
             let problem = local_problem(map, &window);
             let estimate = problem.is_solvable().then(|| {
                 let bound = bundle_adjustment::price_bound(&problem.problem);
