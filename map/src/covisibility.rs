@@ -33,11 +33,6 @@ pub struct Covisibility {
 }
 
 impl Covisibility {
-    /// How many landmarks `a` and `b` share; 0 for a keyframe with itself.
-    pub fn shared(&self, a: EntityId, b: EntityId) -> u32 {
-        self.rows.get(&a).and_then(|row| row.get(&b)).copied().unwrap_or(0)
-    }
-
     /// The keyframes that share landmarks with `keyframe`, with the counts, by id.
     pub fn neighbors(&self, keyframe: EntityId) -> impl Iterator<Item = (EntityId, u32)> + '_ {
         self.rows.get(&keyframe).into_iter().flat_map(|row| row.iter().map(|(&id, &n)| (id, n)))
@@ -51,13 +46,6 @@ impl Covisibility {
     /// How many observers are kept in the order of their age.
     pub(super) fn long_count(&self) -> u64 {
         self.long_count
-    }
-
-    /// Every pair (a, b, count) with a < b, in order.
-    pub fn pairs(&self) -> impl Iterator<Item = (EntityId, EntityId, u32)> + '_ {
-        self.rows.iter().flat_map(|(&a, row)| {
-            row.iter().filter(move |&(&b, _)| a < b).map(move |(&b, &n)| (a, b, n))
-        })
     }
 
     /// `keyframe` sees `landmark`, which `observers` see already: appends to `sharing` those that now

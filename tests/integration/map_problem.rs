@@ -34,8 +34,8 @@ fn a_window_takes_the_keyframes_that_share_most_and_holds_the_rest() {
     let policy = MapPolicy { window_keyframes: 3, ..MapPolicy::default() };
     let journal = street(8, policy);
     // Keyframe k sees corners 10k − 20 to 10k + 20, so it shares 30, 20, 10 with its neighbors.
-    let shared = |a, b| journal.map.covisibility().shared(id(a), id(b));
-    assert_eq!((shared(7, 6), shared(7, 5), shared(7, 4), shared(7, 3)), (30, 20, 10, 0));
+    let shared: Vec<_> = journal.map.covisibility().neighbors(id(7)).collect();
+    assert_eq!(shared, [(id(4), 10), (id(5), 20), (id(6), 30)]);
     let window = window_around(&journal.map, &[id(7)]);
     assert_eq!(window.free, [id(5), id(6), id(7)]);
     assert_eq!(window.fixed, [id(2), id(3), id(4)]);
