@@ -374,9 +374,11 @@ impl Run<'_> {
         observer: &mut Observer<'_>,
     ) -> Result<Optimized, SolveError> {
         let options = pose_graph::Options { optimizer: self.options.optimizer };
-        let (start, rows) = ((self.options.start, has_poses), &mut ignore_iterations);
+        let (start, interrupt) = (self.options.start, self.interrupt);
+        let rows = &mut ignore_iterations;
         let given = if graph.has_priors() { graph.poses.clone() } else { Vec::new() };
-        let mut judged = robust::solve(graph, start, judging, &options, self.interrupt, rows)?;
+        let mut judged =
+            robust::solve(graph, start, has_poses, judging, &options, interrupt, rows)?;
         let mut kept = robust::weighted(graph, &judged.closures);
         let (solve, before, after, proof) = if self.options.certify {
             let proof = self.prove(&mut kept)?;

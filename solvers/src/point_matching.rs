@@ -62,7 +62,8 @@ pub enum Likeness {
 pub fn match_points(
     a: &[PointEstimate],
     b: &[PointEstimate],
-    (world_from_b, information): (&Se3, &Information<6>),
+    world_from_b: &Se3,
+    information: &Information<6>,
     likeness: &dyn Fn(usize, usize) -> Likeness,
     interrupt: &Interrupt,
 ) -> Vec<(usize, usize)> {
@@ -341,7 +342,7 @@ mod tests {
             own if own / 10 == a / 10 => Likeness::Distance(0.25),
             _ => Likeness::Different,
         };
-        let pairs = match_points(&a, &b, (&world_from_b, &information(0.2)), &likeness, &never());
+        let pairs = match_points(&a, &b, &world_from_b, &information(0.2), &likeness, &never());
         assert!(pairs.len() > count * 9 / 10, "{} pairs", pairs.len());
         assert!(pairs.iter().all(|&(a, b)| a + b == count - 1));
     }
@@ -352,7 +353,7 @@ mod tests {
         let same = |_: usize, _: usize| Likeness::Distance(0.0);
         let world_from_b = Se3::identity();
         // Some points have several others within the bound, others have none.
-        let pairs = match_points(&a, &b, (&world_from_b, &information(0.05)), &same, &never());
+        let pairs = match_points(&a, &b, &world_from_b, &information(0.05), &same, &never());
         assert!(pairs.iter().all(|&(a, b)| a + b == 1999), "{pairs:?}");
     }
 
@@ -360,18 +361,17 @@ mod tests {
     fn an_interrupted_or_hopeless_search_finds_nothing() {
         let [a, b] = room(300, &Se3::identity(), &Se3::identity());
         let unknown = |_: usize, _: usize| Likeness::Unknown;
-        let start = (&Se3::identity(), &information(0.01));
-        let found = match_points(&a, &b, start, &unknown, &never()).len();
+        let (start, near, wide) = (&Se3::identity(), &information(0.01), &information(1.0));
+        let found = match_points(&a, &b, start, near, &unknown, &never()).len();
         assert!(found > 200, "{found}");
         let due = Interrupt::at(Some(std::time::Instant::now()));
-        assert_eq!(match_points(&a, &b, start, &unknown, &due), []);
-        assert_eq!(match_points(&a, &[], start, &unknown, &never()), []);
+        assert_eq!(match_points(&a, &b, start, near, &unknown, &due), []);
+        assert_eq!(match_points(&a, &[], start, near, &unknown, &never()), []);
         let different = |_: usize, _: usize| Likeness::Different;
-        assert_eq!(match_points(&a, &b, start, &different, &never()), []);
+        assert_eq!(match_points(&a, &b, start, near, &different, &never()), []);
         // Far off, and nothing to tell points apart.
         let error = Se3::exp(&Vector6::new(1.0, -0.5, 0.7, 0.3, -0.2, 0.5));
         let [a, b] = room(300, &Se3::identity(), &error);
-        let wide = (&Se3::identity(), &information(1.0));
-        assert_eq!(match_points(&a, &b, wide, &unknown, &never()), []);
+        assert_eq!(match_points(&a, &b, start, wide, &unknown, &never()), []);
     }
 }

@@ -23,8 +23,9 @@ fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     has_poses: bool,
     judging: &Judging,
 ) -> Result<RobustSummary, SolveError> {
-    let (start, options) = ((Start::Auto, has_poses), Options::default());
-    robust::solve(graph, start, judging, &options, &Interrupt::NEVER, &mut ignore_iterations)
+    let (options, interrupt) = (Options::default(), &Interrupt::NEVER);
+    let observer = &mut ignore_iterations;
+    robust::solve(graph, Start::Auto, has_poses, judging, &options, interrupt, observer)
 }
 
 /// Laps of a circle, each place seen again in every lap; the last `false_closures` edges are false.

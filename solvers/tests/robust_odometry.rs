@@ -56,8 +56,8 @@ fn off(summary: &RobustSummary) -> Vec<usize> {
 
 fn solve_from(start: Start, graph: &mut PoseGraph<Se3, 6>, kernel: Kernel) -> RobustSummary {
     let judging = Judging { trust_odometry: true, ..Judging::new(kernel) };
-    let (start, options) = ((start, true), Options::default());
-    solve(graph, start, &judging, &options, &Interrupt::NEVER, &mut ignore_iterations).unwrap()
+    let (options, interrupt) = (Options::default(), &Interrupt::NEVER);
+    solve(graph, start, true, &judging, &options, interrupt, &mut ignore_iterations).unwrap()
 }
 
 fn run(graph: &mut PoseGraph<Se3, 6>, kernel: Kernel) -> RobustSummary {

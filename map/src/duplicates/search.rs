@@ -33,8 +33,8 @@ pub fn find_duplicates(map: &Map, closure: EntityId, interrupt: &Interrupt) -> O
         let descriptors = a.descriptors[at_a].zip(b.descriptors[at_b]);
         descriptors.map_or(Likeness::Unknown, |(a, b)| likeness(a, b))
     };
-    let motion = (&world_from_j, &information);
-    let pairs = match_points(&a.points, &b.points, motion, &likeness, interrupt);
+    let (a_points, b_points) = (&a.points, &b.points);
+    let pairs = match_points(a_points, b_points, &world_from_j, &information, &likeness, interrupt);
     let pair = |(at_a, at_b): (usize, usize)| (a.landmarks[at_a], b.landmarks[at_b]);
     Some(Comparison { closure, pairs: pairs.into_iter().map(pair).collect() })
 }

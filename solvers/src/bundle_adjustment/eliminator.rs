@@ -76,8 +76,10 @@ pub(super) trait Eliminator: Send {
     fn back_substitute(
         &mut self,
         pass: &Pass<'_>,
-        elimination: (f64, &[LandmarkGroup]),
-        step: (&[usize], &[f64]),
+        damping: f64,
+        groups: &[LandmarkGroup],
+        offsets: &[usize],
+        step: &[f64],
         point_steps: &mut [f64],
     ) -> StepSums;
 }
@@ -211,8 +213,10 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Eliminator
     fn back_substitute(
         &mut self,
         pass: &Pass<'_>,
-        (damping, groups): (f64, &[LandmarkGroup]),
-        (offsets, step): (&[usize], &[f64]),
+        damping: f64,
+        groups: &[LandmarkGroup],
+        offsets: &[usize],
+        step: &[f64],
         point_steps: &mut [f64],
     ) -> StepSums {
         let Pass { inputs, layout, class, interrupt } = *pass;

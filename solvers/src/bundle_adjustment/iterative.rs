@@ -5,7 +5,7 @@
 //! are inexact on purpose. The matrix is never formed; whether this solver is used is decided in
 //! `reduced_solver`.
 
-use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg};
+use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg, StoppingRule};
 use crate::parallel;
 
 use super::blocks::ViewVector;
@@ -38,6 +38,12 @@ pub(super) struct Linearization<'a> {
 pub(super) struct Iterative<const D: usize, const V: usize, const T: usize, const R: usize> {
     pcg: Pcg,
     jacobi: BlockJacobi,
+    workspace: Workspace<D, V, T, R>,
+}
+
+/// The memory of a product.
+#[derive(Debug)]
+struct Workspace<const D: usize, const V: usize, const T: usize, const R: usize> {
     sums: Vec<ProductSums<D, V, T, R>>,
     vectors: Vec<ViewVector<V, T>>,
     pose_product: Vec<f64>,
@@ -48,9 +54,11 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Iterative<D
         Self {
             pcg: Pcg::default(),
             jacobi: BlockJacobi::default(),
-            sums: layout.chunks().iter().map(|c| ProductSums::new(layout, c)).collect(),
-            vectors: vec![ViewVector::ZERO; layout.views.len()],
-            pose_product: Vec::new(),
+            workspace: Workspace {
+                sums: layout.chunks().iter().map(|c| ProductSums::new(layout, c)).collect(),
+                vectors: vec![ViewVector::ZERO; layout.views.len()],
+                pose_product: Vec::new(),
+            },
         }
     }
 
@@ -63,12 +71,11 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Iterative<D
         x: &mut [f64],
     ) -> Result<f64, LinearError> {
         self.jacobi.factor(diagonal, linearization.added)?;
-        let Self { pcg, jacobi, sums, vectors, pose_product } = self;
-        let multiply = |p: &[f64], q: &mut [f64]| {
-            linearization.multiply::<D, V, T, R>(p, q, (vectors, sums, pose_product));
-        };
+        let Self { pcg, jacobi, workspace } = self;
+        let multiply = |p: &[f64], q: &mut [f64]| linearization.multiply(p, q, workspace);
         let interrupt = linearization.pass.interrupt;
-        pcg.solve(multiply, jacobi, g, x, (FORCING, MAX_PRODUCTS), interrupt)
+        let stop = StoppingRule { tolerance: FORCING, max_products: MAX_PRODUCTS };
+        pcg.solve(multiply, jacobi, g, x, stop, interrupt)
     }
 }
 
@@ -95,12 +102,9 @@ impl Linearization<'_> {
         &self,
         p: &[f64],
         q: &mut [f64],
-        (vectors, sums, pose_product): (
-            &mut Vec<ViewVector<V, T>>,
-            &mut Vec<ProductSums<D, V, T, R>>,
-            &mut Vec<f64>,
-        ),
+        workspace: &mut Workspace<D, V, T, R>,
     ) {
+        let Workspace { sums, vectors, pose_product } = workspace;
         let Self { pass, offsets, groups, .. } = *self;
         let Pass { inputs, layout, class, interrupt } = pass;
         gather(layout, offsets, p, vectors);

@@ -114,7 +114,7 @@ pub fn solve_until(
     interrupt: &Interrupt,
     observer: &mut Observer<'_>,
 ) -> Result<BundleSummary, SolveError> {
-    run(problem, options, interrupt, (None, None), observer)
+    run(problem, options, interrupt, None, None, observer)
 }
 
 /// Solves from a state and with a keeper, where they are given.
@@ -122,7 +122,8 @@ fn run<'a>(
     problem: &'a mut BundleProblem,
     options: &'a Options,
     interrupt: &Interrupt,
-    (from, keeper): (Option<&'a LoopState>, Option<&'a mut (dyn Keeper + 'a)>),
+    from: Option<&'a LoopState>,
+    keeper: Option<&'a mut (dyn Keeper + 'a)>,
     observer: &'a mut Observer<'_>,
 ) -> Result<BundleSummary, SolveError> {
     let start = Instant::now();
@@ -133,8 +134,8 @@ fn run<'a>(
         let layout = Arc::new(Layout::new(problem)?);
         let kernels = Kernels::of(problem, &layout);
         let class = options.class.unwrap_or_else(Class::detect);
-        let limits = Limits { ceiling: options.optimizer.ceiling, interrupt: &interrupt };
-        let run = (start, &interrupt);
+        let loop_options = &options.optimizer;
+        let limits = Limits { ceiling: loop_options.ceiling, interrupt: &interrupt };
         let variables = Variables::new(&mut *problem, &layout, kernels, class, interrupt.clone());
         let system = BundleSystem::new(variables, options.linear_solver, limits);
         let (solve, linear_solver) = match system {
@@ -143,16 +144,16 @@ fn run<'a>(
                     Some(keeper) => Some(keeper),
                     None => None,
                 };
-                let solve = minimize(&mut system, &options.optimizer, run, from, observer);
+                let solve = minimize(&mut system, loop_options, start, &interrupt, from, observer);
                 let linear_solver = system.linear_solver();
                 system.finish();
                 (solve, linear_solver)
             }
             Err(SolveError::Interrupted) => {
-                let mut start =
+                let mut variables =
                     Variables::new(&mut *problem, &layout, kernels, class, interrupt.clone());
-                let mut start = Unmoved(start.cost());
-                let solve = minimize(&mut start, &options.optimizer, run, None, observer);
+                let mut unmoved = Unmoved(variables.cost());
+                let solve = minimize(&mut unmoved, loop_options, start, &interrupt, None, observer);
                 (solve, options.linear_solver)
             }
             Err(error) => return Err(error),
@@ -213,7 +214,7 @@ pub fn solve_kept(
         problem.cameras.clone_from(&from.cameras);
     }
     let from = from.map(|from| &from.state);
-    run(problem, options, &Interrupt::NEVER, (from, Some(keeper)), observer)
+    run(problem, options, &Interrupt::NEVER, from, Some(keeper), observer)
 }
 
 /// At least what [`solve`] takes with any solver that [`LinearSolver::Auto`] would choose, in the time

@@ -32,6 +32,15 @@ struct Source {
     columns: u8,
 }
 
+/// A sum of a chunk.
+#[derive(Clone, Copy)]
+struct ChunkSum {
+    chunk: u32,
+    /// As in [`Source`].
+    index: u32,
+    pair: bool,
+}
+
 /// Block rows that a task sums.
 const ROWS_A_TASK: usize = 8;
 
@@ -79,8 +88,9 @@ impl Reduction {
                 let parts = &layout.views[view as usize].parts;
                 for p in parts {
                     reduction.views[p.block as usize].push((chunk, local, *p));
+                    let sum = ChunkSum { chunk, index: local, pair: false };
                     for q in parts.iter().filter(|q| q.block <= p.block) {
-                        reduction.push(pattern, (chunk, local, false), (p, q), false);
+                        reduction.push(pattern, sum, p, q, false);
                     }
                 }
             }
@@ -88,15 +98,15 @@ impl Reduction {
         for (chunk, pairs) in pairs.iter().enumerate() {
             let chunk = chunk as u32;
             for (index, &(a, b)) in pairs.slots.iter().enumerate() {
-                let source = (chunk, index as u32, true);
+                let sum = ChunkSum { chunk, index: index as u32, pair: true };
                 for p in &layout.views[a as usize].parts {
                     for q in &layout.views[b as usize].parts {
                         if p.block >= q.block {
-                            reduction.push(pattern, source, (p, q), false);
+                            reduction.push(pattern, sum, p, q, false);
                         }
                         // A block met with itself takes both orders: E_i E_jᵀ + E_j E_iᵀ.
                         if p.block <= q.block {
-                            reduction.push(pattern, source, (p, q), true);
+                            reduction.push(pattern, sum, p, q, true);
                         }
                     }
                 }
@@ -108,12 +118,14 @@ impl Reduction {
     fn push(
         &mut self,
         pattern: &BlockPattern,
-        (chunk, index, pair): (u32, u32, bool),
-        (p, q): (&Part, &Part),
+        sum: ChunkSum,
+        p: &Part,
+        q: &Part,
         transposed: bool,
     ) {
         let (row, column) = if transposed { (q.block, p.block) } else { (p.block, q.block) };
         let Ok(slot) = pattern.row(row as usize).binary_search(&column) else { return };
+        let ChunkSum { chunk, index, pair } = sum;
         self.rows[row as usize].push(Source {
             chunk,
             index,

@@ -166,8 +166,10 @@ impl<'a> BundleSystem<'a> {
         let pass = self.variables.pass();
         self.eliminator.back_substitute(
             &pass,
-            (damping, &self.groups),
-            (&self.offsets, &self.step),
+            damping,
+            &self.groups,
+            &self.offsets,
+            &self.step,
             &mut self.point_steps,
         )
     }

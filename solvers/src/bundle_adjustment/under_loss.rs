@@ -82,8 +82,8 @@ impl<L: Lanes, const R: usize> Correction<L, R> {
     /// Corrects a column.
     #[inline(always)]
     fn apply<const C: usize>(&self, l: L, columns: &mut [[L::V; C]; R], c: usize) {
-        let factors = (self.root, &self.residual, &self.shrunk);
-        let column = correct(l, columns.map(|row| row[c]), factors);
+        let column = columns.map(|row| row[c]);
+        let column = correct(l, column, self.root, &self.residual, &self.shrunk);
         (0..R).for_each(|r| columns[r][c] = column[r]);
     }
 }
@@ -131,7 +131,9 @@ impl Scales {
 fn correct<L: Lanes, const R: usize>(
     l: L,
     mut column: [L::V; R],
-    (root, residual, shrunk): (L::V, &[L::V; R], &[L::V; R]),
+    root: L::V,
+    residual: &[L::V; R],
+    shrunk: &[L::V; R],
 ) -> [L::V; R] {
     let mut along = l.mul(residual[0], column[0]);
     for r in 1..R {

@@ -263,14 +263,15 @@ pub(super) fn pose_graph_residuals<G: ReferencePose<N>, const N: usize>(
         [Quantity::RelativeTranslation, Quantity::RelativeRotation],
         redundancy,
     );
-    let priors = (&graph.pose_priors[..], &graph.position_priors[..]);
-    prior_residuals(priors, &graph.poses, redundancy, &mut report);
+    let (whole, positions) = (&graph.pose_priors, &graph.position_priors);
+    prior_residuals(whole, positions, &graph.poses, redundancy, &mut report);
     report
 }
 
 /// Those of priors on poses and on positions.
 fn prior_residuals<G: ReferencePose<N>, const N: usize>(
-    (pose_priors, position_priors): (&[PosePrior<G, N>], &[PositionPrior]),
+    pose_priors: &[PosePrior<G, N>],
+    position_priors: &[PositionPrior],
     poses: &[G],
     redundancy: f64,
     report: &mut ResidualReport,
@@ -381,8 +382,8 @@ pub(super) fn bundle_residuals(problem: &BundleProblem) -> ResidualReport {
     }
     let quantities = [Quantity::RelativeTranslation, Quantity::RelativeRotation];
     edges.finish(&mut report, quantities, redundancy);
-    let priors = (&problem.pose_priors[..], &problem.position_priors[..]);
-    prior_residuals(priors, &problem.poses, redundancy, &mut report);
+    let (whole, positions) = (&problem.pose_priors, &problem.position_priors);
+    prior_residuals(whole, positions, &problem.poses, redundancy, &mut report);
     report
 }
 

@@ -140,7 +140,7 @@ impl<G, const N: usize> Piece<'_, G, N> {
         let mut weights = stiffness.clone();
         let mut motion = None;
         for _ in 0..FITS {
-            let fitted = self.closed_form::<D>((&sources, is_spread), &weights)?;
+            let fitted = self.closed_form::<D>(&sources, is_spread, &weights)?;
             let distances: Vec<f64> = self
                 .points
                 .iter()
@@ -162,7 +162,8 @@ impl<G, const N: usize> Piece<'_, G, N> {
     /// The motion that minimizes Σ w ‖T x − z‖²; of points on one line that with the least turn.
     fn closed_form<const D: usize>(
         &self,
-        (sources, is_spread): (&[Vector3<f64>], bool),
+        sources: &[Vector3<f64>],
+        is_spread: bool,
         weights: &[f64],
     ) -> Option<G>
     where

@@ -67,7 +67,8 @@ impl Cholesky {
     /// # Errors
     /// [`LinearError::Interrupted`].
     pub fn order(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Ordered, LinearError> {
-        Ok(Ordered::new(pattern, cheapest(pattern, interrupt)?))
+        let (ordering, elimination) = cheapest(pattern, interrupt)?;
+        Ok(Ordered::new(pattern, ordering, elimination))
     }
 
     /// Plans a sparse factorization in an order that was made for this pattern.
@@ -150,7 +151,7 @@ pub struct Ordered {
 }
 
 impl Ordered {
-    fn new(pattern: &BlockPattern, (ordering, elimination): (BlockOrdering, Elimination)) -> Self {
+    fn new(pattern: &BlockPattern, ordering: BlockOrdering, elimination: Elimination) -> Self {
         let planned = sparse::bytes(pattern, &ordering.order, &elimination);
         // The graph is gone when the factor is planned; the tree and the heights stay.
         let kept = 32 * pattern.block_count() as u64;
@@ -171,9 +172,9 @@ fn choose(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Option<Ordere
     if dimension <= ALWAYS_DENSE {
         return Ok(None);
     }
-    let cheapest = cheapest(pattern, interrupt)?;
-    let is_sparse = dense_flops(dimension) > DENSE_ADVANTAGE * cheapest.0.flops;
-    Ok(is_sparse.then(|| Ordered::new(pattern, cheapest)))
+    let (ordering, elimination) = cheapest(pattern, interrupt)?;
+    let is_sparse = dense_flops(dimension) > DENSE_ADVANTAGE * ordering.flops;
+    Ok(is_sparse.then(|| Ordered::new(pattern, ordering, elimination)))
 }
 
 /// The block graph, its lists while vertices are taken out, and the work of the orderings.

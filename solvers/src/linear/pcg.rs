@@ -10,6 +10,15 @@ use super::matrix::BlockMatrix;
 use crate::interrupt::Interrupt;
 use crate::parallel;
 
+/// When conjugate gradients end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StoppingRule {
+    /// η of the rule of Nash and Sofer.
+    pub tolerance: f64,
+    /// Products with the matrix, at most.
+    pub max_products: usize,
+}
+
 /// Conjugate gradients; memory is allocated once.
 #[derive(Clone, Debug, Default)]
 pub struct Pcg {
@@ -20,8 +29,7 @@ pub struct Pcg {
 }
 
 impl Pcg {
-    /// Solves A x = g from x = 0, in at most `max_iterations` products; `multiply(p, q)` sets
-    /// q = A p. Returns ‖A x − g‖ / ‖g‖ by its recurrence.
+    /// Solves A x = g from x = 0; `multiply(p, q)` sets q = A p. Returns ‖A x − g‖ / ‖g‖ by its recurrence.
     ///
     /// # Errors
     /// Not positive definite, seen in a direction, or [`LinearError::Interrupted`]; then `x` is not a
@@ -32,7 +40,7 @@ impl Pcg {
         preconditioner: &BlockJacobi,
         g: &[f64],
         x: &mut [f64],
-        (tolerance, max_iterations): (f64, usize),
+        stop: StoppingRule,
         interrupt: &Interrupt,
     ) -> Result<f64, LinearError> {
         for vector in [&mut self.z, &mut self.p, &mut self.q] {
@@ -48,7 +56,7 @@ impl Pcg {
         }
         let mut rho = 0.0;
         let mut quadratic = 0.0;
-        for k in 1..=max_iterations {
+        for k in 1..=stop.max_products {
             if interrupt.is_due() {
                 return Err(LinearError::Interrupted);
             }
@@ -77,7 +85,7 @@ impl Pcg {
                 * x.iter().zip(g.iter().zip(&self.r)).map(|(x, (g, r))| x * (g + r)).sum::<f64>();
             let gain = k as f64 * (next - quadratic) / next;
             quadratic = next;
-            if gain < tolerance || relative_residual < 1e-14 {
+            if gain < stop.tolerance || relative_residual < 1e-14 {
                 break;
             }
         }

@@ -110,7 +110,8 @@ impl LoopState {
 pub fn minimize(
     system: &mut dyn System,
     options: &Options,
-    (start, interrupt): (Instant, &Interrupt),
+    start: Instant,
+    interrupt: &Interrupt,
     from: Option<&LoopState>,
     observer: &mut Observer<'_>,
 ) -> SolveSummary {

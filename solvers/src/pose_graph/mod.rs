@@ -87,12 +87,12 @@ pub fn solve_until<G: LieGroup<N>, const N: usize>(
     with_threads(options.optimizer.threads, || {
         let interrupt = interrupt.or_after(start, options.optimizer.deadline);
         let limits = Limits { ceiling: options.optimizer.ceiling, interrupt: &interrupt };
-        let run = (start, &interrupt);
+        let options = &options.optimizer;
         match PoseGraphSystem::new(graph, limits) {
-            Ok(mut system) => Ok(minimize(&mut system, &options.optimizer, run, None, observer)),
+            Ok(mut system) => Ok(minimize(&mut system, options, start, &interrupt, None, observer)),
             Err(SolveError::Interrupted) => {
-                let mut start = Unmoved(cost(graph, &Interrupt::NEVER));
-                Ok(minimize(&mut start, &options.optimizer, run, None, observer))
+                let mut unmoved = Unmoved(cost(graph, &Interrupt::NEVER));
+                Ok(minimize(&mut unmoved, options, start, &interrupt, None, observer))
             }
             Err(error) => Err(error),
         }

@@ -63,11 +63,11 @@ pub(super) fn add<G: LieGroup<N>, const N: usize>(
     let mut sink = Sink { row_of, hessian, gradient };
     for prior in &graph.pose_priors {
         let (residual, d_pose) = prior.linearize(&graph.poses[prior.pose]);
-        sink.add(prior.pose, (&prior.information, prior.loss), &residual, &d_pose);
+        sink.add(prior.pose, &prior.information, prior.loss, &residual, &d_pose);
     }
     for prior in &graph.position_priors {
         let (residual, d_pose) = prior.linearize(&graph.poses[prior.pose]);
-        sink.add(prior.pose, (&prior.information, prior.loss), &residual, &d_pose);
+        sink.add(prior.pose, &prior.information, prior.loss, &residual, &d_pose);
     }
 }
 
@@ -81,7 +81,8 @@ impl Sink<'_> {
     fn add<const R: usize, const N: usize>(
         &mut self,
         pose: usize,
-        (information, loss): (&Information<R>, Loss),
+        information: &Information<R>,
+        loss: Loss,
         residual: &SVector<f64, R>,
         d_pose: &SMatrix<f64, R, N>,
     ) {

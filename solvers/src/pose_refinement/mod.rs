@@ -123,8 +123,7 @@ pub fn refine(
     let terms = Terms { camera, list: observations, packed: &packed, prior, loss: options.loss };
     let mut system = PoseSystem::new(terms, *world_from_camera)?;
     let interrupt = Interrupt::NEVER.or_after(start, options.optimizer.deadline);
-    let run = (start, &interrupt);
-    let summary = minimize(&mut system, &options.optimizer, run, None, observer);
+    let summary = minimize(&mut system, &options.optimizer, start, &interrupt, None, observer);
     let (mut squared_errors, depths) = packed.fit(system.pose());
     for s in &mut squared_errors {
         // No projection is an infinite error.

@@ -63,7 +63,8 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
     /// weights of the lowest objective.
     pub(super) fn best<const D: usize>(
         &mut self,
-        (start, has_poses): (Start, bool),
+        start: Start,
+        has_poses: bool,
         trust_odometry: bool,
         observer: &mut Observer<'_>,
     ) -> Result<RobustSummary, SolveError>

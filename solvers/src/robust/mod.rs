@@ -128,7 +128,8 @@ pub struct RobustSummary {
 /// [`SolveError::InvalidOption`] for a threshold that is not finite and positive.
 pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
-    (start, has_poses): (Start, bool),
+    start: Start,
+    has_poses: bool,
     judging: &Judging,
     options: &pose_graph::Options,
     interrupt: &Interrupt,
@@ -144,8 +145,8 @@ pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     }
     graph.hold_gauge();
     with_threads(options.optimizer.threads, || {
-        let mut weighted = Weighted::new(graph, judging, (options, threshold), (begin, &interrupt));
-        weighted.best((start, has_poses), judging.trust_odometry, observer)
+        let mut weighted = Weighted::new(graph, judging, options, threshold, begin, &interrupt);
+        weighted.best(start, has_poses, judging.trust_odometry, observer)
     })?
 }
 
@@ -236,8 +237,10 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
     fn new(
         graph: &'a mut PoseGraph<G, N>,
         judging: &Judging,
-        (options, threshold): (&pose_graph::Options, f64),
-        (begin, interrupt): (Instant, &'a Interrupt),
+        options: &pose_graph::Options,
+        threshold: f64,
+        begin: Instant,
+        interrupt: &'a Interrupt,
     ) -> Self {
         let is_closure = |&edge: &usize| {
             let RelativePose { i, j, .. } = graph.edges[edge];

@@ -43,7 +43,7 @@ pub(super) fn parse_cameras(
             *parameter = file.f64(format_args!("parameter[{k}]"))?;
         }
         let camera = ColmapCamera { model: kind, width, height, parameters };
-        insert((&mut model.cameras, "camera"), id, camera, location)?;
+        insert(&mut model.cameras, "camera", id, camera, location)?;
     }
     file.end()
 }
@@ -66,7 +66,7 @@ pub(super) fn parse_points(
             track.push((file.u32("track image id")?, file.u32("track keypoint")?));
         }
         let point = ColmapPoint { position, color, error, track };
-        insert((&mut model.points, "point"), id, point, location)?;
+        insert(&mut model.points, "point", id, point, location)?;
     }
     file.end()
 }
@@ -96,7 +96,7 @@ pub(super) fn parse_images(
             keypoints.push(ColmapKeypoint { x, y, point });
         }
         let image = ColmapImage { quaternion_wxyz, translation, camera, name, keypoints };
-        insert((&mut model.images, "image"), id, image, location)?;
+        insert(&mut model.images, "image", id, image, location)?;
     }
     file.end()
 }

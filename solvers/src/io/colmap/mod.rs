@@ -301,7 +301,8 @@ fn point_id(id: u64, location: &Location) -> Result<u64, IoError> {
 
 /// Adds a record that was read, refusing a second one with its id.
 fn insert<K: Copy + Ord + Into<u64>, V>(
-    (map, field): (&mut BTreeMap<K, V>, &'static str),
+    map: &mut BTreeMap<K, V>,
+    field: &'static str,
     id: K,
     record: V,
     location: Location,

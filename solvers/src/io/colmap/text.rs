@@ -37,7 +37,7 @@ pub(super) fn parse_cameras(
         }
         line.end()?;
         let camera = ColmapCamera { model: kind, width, height, parameters };
-        insert((&mut model.cameras, "camera"), id, camera, location)?;
+        insert(&mut model.cameras, "camera", id, camera, location)?;
     }
     Ok(())
 }
@@ -59,7 +59,7 @@ pub(super) fn parse_points(
             track.push((line.integer("track image id")?, line.integer("track keypoint")?));
         }
         let point = ColmapPoint { position, color, error, track };
-        insert((&mut model.points, "point"), id, point, location)?;
+        insert(&mut model.points, "point", id, point, location)?;
     }
     Ok(())
 }
@@ -89,7 +89,7 @@ pub(super) fn parse_images(
             }
         }
         let image = ColmapImage { quaternion_wxyz, translation, camera, name, keypoints };
-        insert((&mut model.images, "image"), id, image, location)?;
+        insert(&mut model.images, "image", id, image, location)?;
     }
     Ok(())
 }

@@ -38,18 +38,20 @@ pub(super) enum Cut {
 pub(super) fn eliminate(
     class: Class,
     shape: Shape,
-    [panel, update]: [&mut [f64]; 2],
-    (cut, interrupt): (Cut, &Interrupt),
+    panel: &mut [f64],
+    update: &mut [f64],
+    cut: Cut,
+    interrupt: &Interrupt,
     lift: impl Fn(Target<'_>) + Sync,
 ) -> Result<(), BadPivot> {
     let Shape { pivots, stride, .. } = shape;
-    strips((stride, 0), panel, cut, interrupt, |first_column, columns| {
+    strips(stride, 0, panel, cut, interrupt, |first_column, columns| {
         lift(Target { columns, stride, first_row: 0, first_column });
     });
-    cholesky(class, panel, (stride, pivots), matches!(cut, Cut::Dealt(_)), interrupt)?;
+    cholesky(class, panel, stride, pivots, matches!(cut, Cut::Dealt(_)), interrupt)?;
     let source = Source { columns: panel, stride };
     let (stride, first_row) = (shape.update_stride(), shape.update_row());
-    strips((stride, pivots), update, cut, interrupt, |first_column, columns| {
+    strips(stride, pivots, update, cut, interrupt, |first_column, columns| {
         let target = Target { columns: &mut *columns, stride, first_row, first_column };
         class.run(Downdate { source, start: Start::Zero, target });
         lift(Target { columns, stride, first_row, first_column });
@@ -61,7 +63,8 @@ pub(super) fn eliminate(
 fn cholesky(
     class: Class,
     panel: &mut [f64],
-    (stride, pivots): (usize, usize),
+    stride: usize,
+    pivots: usize,
     is_dealt: bool,
     interrupt: &Interrupt,
 ) -> Result<(), BadPivot> {
@@ -81,7 +84,7 @@ fn cholesky(
         let columns = &mut head[first * stride..];
         class.run(Factor { columns: &mut *columns, stride, first })?;
         let source = Source { columns, stride };
-        strips((stride, end), rest, cut, interrupt, |first_column, columns| {
+        strips(stride, end, rest, cut, interrupt, |first_column, columns| {
             let target = Target { columns, stride, first_row: 0, first_column };
             class.run(Downdate { source, start: Start::Target, target });
         });
@@ -93,7 +96,8 @@ fn cholesky(
 /// Runs `work` on strips of `columns`, which begin at column `first`, until `interrupt` is due.
 #[inline]
 fn strips(
-    (stride, first): (usize, usize),
+    stride: usize,
+    first: usize,
     columns: &mut [f64],
     cut: Cut,
     interrupt: &Interrupt,

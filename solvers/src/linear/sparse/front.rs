@@ -14,7 +14,7 @@ use crate::simd::{Kernel, Lanes, WIDTH};
 const DIAGONAL: usize = 8;
 
 /// The panel of node `s` with the values of H and of D, which is in the caller's order or empty.
-pub(super) fn fill(plan: &Plan, s: usize, (values, added): (&[f64], &[f64]), panel: &mut [f64]) {
+pub(super) fn fill(plan: &Plan, s: usize, values: &[f64], added: &[f64], panel: &mut [f64]) {
     let Node { first, shape: Shape { pivots, stride, .. }, .. } = plan.nodes[s];
     panel.fill(0.0);
     for entry in plan.entries.of(s) {
@@ -120,35 +120,49 @@ impl Kernel for Lift<'_> {
                 let width = DIAGONAL.min(until - column);
                 let (source_at, target_at) = offsets(column, run);
                 let skipped = column - from;
-                add(
-                    lanes,
-                    (update, source_at + skipped * stride, stride),
-                    (target.columns, target_at + skipped * target.stride, target.stride),
-                    (length - column, width),
-                );
+                let source = Block { values: update, first: source_at + skipped * stride, stride };
+                let target = BlockMut {
+                    values: &mut *target.columns,
+                    first: target_at + skipped * target.stride,
+                    stride: target.stride,
+                };
+                add(lanes, source, target, length - column, width);
                 column += width;
             }
             for below in &runs[index + 1..] {
                 let (source_at, target_at) = offsets(0, below);
-                add(
-                    lanes,
-                    (update, source_at, stride),
-                    (target.columns, target_at, target.stride),
-                    (below.length as usize, until - from),
-                );
+                let source = Block { values: update, first: source_at, stride };
+                let target = BlockMut {
+                    values: &mut *target.columns,
+                    first: target_at,
+                    stride: target.stride,
+                };
+                add(lanes, source, target, below.length as usize, until - from);
             }
         }
     }
 }
 
+/// A block of columns, whose first entry is at `first`.
+struct Block<'a> {
+    values: &'a [f64],
+    first: usize,
+    /// From one column to the next.
+    stride: usize,
+}
+
+/// The same, to be written.
+struct BlockMut<'a> {
+    values: &'a mut [f64],
+    first: usize,
+    stride: usize,
+}
+
 /// target += source for a block of `rows` × `columns` elements.
 #[inline(always)]
-fn add<L: Lanes>(
-    lanes: L,
-    (source, source_at, source_stride): (&[f64], usize, usize),
-    (target, target_at, target_stride): (&mut [f64], usize, usize),
-    (rows, columns): (usize, usize),
-) {
+fn add<L: Lanes>(lanes: L, source: Block<'_>, target: BlockMut<'_>, rows: usize, columns: usize) {
+    let Block { values: source, first: source_at, stride: source_stride } = source;
+    let BlockMut { values: target, first: target_at, stride: target_stride } = target;
     macro_rules! fixed {
         ($($rows:literal),*) => {
             match rows {

@@ -203,8 +203,8 @@ impl<'a> Numeric<'a> {
                 self.class.run(Lift { shape: child.shape, update, runs, target });
             }
         };
-        fill(self.plan, s as usize, (self.values, self.added), panel);
-        eliminate(self.class, node.shape, [panel, update], (cut, self.interrupt), lift)
+        fill(self.plan, s as usize, self.values, self.added, panel);
+        eliminate(self.class, node.shape, panel, update, cut, self.interrupt, lift)
             .map_err(|bad| bad.after(node.first))
     }
 }

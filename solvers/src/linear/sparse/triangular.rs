@@ -63,7 +63,7 @@ impl Kernel for Triangular<'_> {
             let (head, rows) = front.split_at_mut(pivots);
             head.copy_from_slice(&x[node.first..][..pivots]);
             rows.fill(0.0);
-            forward(lanes, panel, (stride, pivots), front);
+            forward(lanes, panel, stride, pivots, front);
             x[node.first..][..pivots].copy_from_slice(&front[..pivots]);
             for run in runs(plan, node) {
                 let target = &mut x[run.to as usize..][..run.length as usize];
@@ -86,7 +86,7 @@ impl Kernel for Triangular<'_> {
                     .copy_from_slice(&x[run.to as usize..][..run.length as usize]);
             }
             front[rows..].fill(0.0);
-            backward(lanes, panel, (stride, pivots), front);
+            backward(lanes, panel, stride, pivots, front);
             x[node.first..][..pivots].copy_from_slice(&front[..pivots]);
         }
     }
@@ -125,7 +125,7 @@ macro_rules! strip {
 
 /// front ← (L₁₁⁻¹ b, −L₂₁ L₁₁⁻¹ b).
 #[inline(always)]
-fn forward<L: Lanes>(lanes: L, panel: &[f64], (stride, pivots): (usize, usize), front: &mut [f64]) {
+fn forward<L: Lanes>(lanes: L, panel: &[f64], stride: usize, pivots: usize, front: &mut [f64]) {
     let mut first = 0;
     while first < pivots {
         let width = (pivots - first).min(WIDTH);
@@ -171,7 +171,8 @@ fn forward_strip<L: Lanes, const W: usize>(
 pub(super) fn backward<L: Lanes>(
     lanes: L,
     panel: &[f64],
-    (stride, pivots): (usize, usize),
+    stride: usize,
+    pivots: usize,
     front: &mut [f64],
 ) {
     let mut end = pivots;

@@ -180,8 +180,9 @@ impl<const N: usize> Shared<'_, N> {
             true => Cut::Dealt(COLUMNS_PER_TASK / N * N),
             false => Cut::InTurn(WIDTH * N),
         };
-        let front = [&mut *panel, update];
-        let outcome = columns::eliminate(self.class, shape, front, (cut, &Interrupt::NEVER), lift);
+        let interrupt = &Interrupt::NEVER;
+        let outcome =
+            columns::eliminate(self.class, shape, &mut *panel, update, cut, interrupt, lift);
         let outcome = outcome.map_err(|BadPivot { column, is_finite }| {
             let block = pivots[column / N] as usize;
             if is_finite {

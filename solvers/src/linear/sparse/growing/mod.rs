@@ -255,6 +255,6 @@ impl<const N: usize> Kernel for Pivots<'_, N> {
         for (k, &row) in node.rows().iter().enumerate() {
             front[shape.pivots + k * N..][..N].copy_from_slice(&delta[row as usize * N..][..N]);
         }
-        backward(lanes, panel, (shape.stride, shape.pivots), front);
+        backward(lanes, panel, shape.stride, shape.pivots, front);
     }
 }
