@@ -144,7 +144,7 @@ impl Map {
                 let nearest = motions.min_by(|a, b| moved(a).total_cmp(&moved(b)))?;
                 (moved(&nearest) < step(world_from_camera)).then_some(nearest)
             }
-            Some(odometry) => self.left_motion(earlier, (&present, odometry), world_from_camera),
+            Some(odometry) => self.left_motion(earlier, &present, odometry, world_from_camera),
         }
     }
 
@@ -153,7 +153,8 @@ impl Map {
     fn left_motion(
         &self,
         earlier: &[Se3],
-        (present, odometry): (&Se3, &Se3),
+        present: &Se3,
+        odometry: &Se3,
         world_from_camera: &Se3,
     ) -> Option<Se3> {
         let distance = |frame: &Se3| {

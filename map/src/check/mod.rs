@@ -146,13 +146,13 @@ impl Check<'_> {
                 }
                 let landmarks = self.landmarks("keyframe.landmarks", landmarks);
                 let odom = odom_from_camera.as_ref();
-                let seen = (camera_id.flatten(), &**observations);
-                let motion = self.motion(world_from_camera, odom, &landmarks, seen);
+                let camera = camera_id.flatten();
+                let motion = self.motion(world_from_camera, odom, &landmarks, camera, observations);
                 let moved = |pose: &Se3| motion.map_or(*pose, |m: Sim3| m.transform_pose(pose));
                 let new_landmarks: Vec<NewLandmark> =
                     landmarks.iter().map(|new| new.moved_by(motion.as_ref())).collect();
                 let view = Viewpoint {
-                    camera: camera_id.flatten().and_then(|id| self.map.cameras().get(&id)),
+                    camera: camera.and_then(|id| self.map.cameras().get(&id)),
                     world_from_camera: &moved(world_from_camera),
                     new_landmarks: &new_landmarks,
                     present: &[],

@@ -51,7 +51,8 @@ impl Check<'_> {
         world_from_camera: &Se3,
         odom_from_camera: Option<&Se3>,
         landmarks: &[NewLandmark],
-        (camera, observations): (Option<EntityId>, &[ItemObservation]),
+        camera: Option<EntityId>,
+        observations: &[ItemObservation],
     ) -> Option<Sim3> {
         let scale = self.scale();
         let is_within = |motion: &Sim3| {

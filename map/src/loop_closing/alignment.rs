@@ -170,7 +170,7 @@ pub fn align(
         let mut places = std::iter::from_fn(|| {
             loop {
                 let (_, located) =
-                    locate(target, &view, rest, (id.id as u64, interrupt), |_, _| Ok(()));
+                    locate(target, &view, rest, id.id as u64, interrupt, |_, _| Ok(()));
                 let located = located?;
                 let at =
                     rest.iter().position(|candidate| candidate.keyframe == located.keyframe)?;

@@ -67,7 +67,7 @@ pub fn localize(
             found.push((listed(candidate, Some(outweighed(matches, most))), None));
             continue;
         }
-        let judged = judge_candidate(map, view, &indices, (candidate, keyframe), (0, interrupt));
+        let judged = judge_candidate(map, view, &indices, candidate, keyframe, 0, interrupt);
         let (located, refusal) = match judged {
             Ok((located, doubt)) => (Some(drifting(map, located, meter)), doubt),
             Err(refusal) => (None, Some(refusal)),
@@ -88,7 +88,7 @@ pub fn localize(
     let most = best.verified.independent;
     let mut rivals = Vec::new();
     for (candidate, located) in &mut found {
-        let Some(other) = located.take_if(|other| !agree(map, &best, other, (meter, interrupt)))
+        let Some(other) = located.take_if(|other| !agree(map, &best, other, meter, interrupt))
         else {
             continue;
         };
@@ -165,7 +165,7 @@ fn drifting(map: &Map, mut located: Located, meter: f64) -> Located {
 
 /// Whether two answers are one place, as far as they are known and as the map may have drifted between
 /// their keyframes. `meter` is the length of a meter in the map, about.
-fn agree(map: &Map, a: &Located, b: &Located, (meter, interrupt): (f64, &Interrupt)) -> bool {
+fn agree(map: &Map, a: &Located, b: &Located, meter: f64, interrupt: &Interrupt) -> bool {
     let sigma = |located: &Located, at: usize| {
         let covariance = located.verified.information.covariance().ok()?;
         let block: Matrix3<f64> = covariance.matrix().fixed_view::<3, 3>(at, at).into_owned();
@@ -185,6 +185,6 @@ fn agree(map: &Map, a: &Located, b: &Located, (meter, interrupt): (f64, &Interru
     let motion = from.inverse().compose(&to);
     // The shortest way that there can be takes no search.
     is_within(motion.translation.norm() / meter, motion.rotation.log().norm())
-        || path::shortest(map, a.keyframe, b.keyframe, (LONGEST_WAY * meter, interrupt))
+        || path::shortest(map, a.keyframe, b.keyframe, LONGEST_WAY * meter, interrupt)
             .is_some_and(|way| is_within(way.length / meter, way.angle))
 }

@@ -148,7 +148,8 @@ pub fn locate(
     map: &Map,
     view: &QueryView<'_>,
     candidates: &[Candidate],
-    (seed, interrupt): (u64, &Interrupt),
+    seed: u64,
+    interrupt: &Interrupt,
     accept: impl Fn(EntityId, &Verified) -> Result<(), Refusal>,
 ) -> (Vec<PlaceCandidate>, Option<Located>) {
     let (indices, _) = view.searchable();
@@ -156,7 +157,7 @@ pub fn locate(
     for candidate in candidates.iter().take(PlaceSearch::MOST_CANDIDATES) {
         let Some(keyframe) = map.keyframes().get(&candidate.keyframe) else { continue };
         let id = candidate.keyframe;
-        let found = judge_candidate(map, view, &indices, (candidate, keyframe), (seed, interrupt));
+        let found = judge_candidate(map, view, &indices, candidate, keyframe, seed, interrupt);
         let found = found.and_then(|(located, doubt)| {
             doubt.map_or(Ok(()), Err)?;
             accept(id, &located.verified).map_err(|refusal| refused(&refusal))?;
@@ -195,8 +196,10 @@ fn judge_candidate(
     map: &Map,
     view: &QueryView<'_>,
     indices: &[usize],
-    (candidate, keyframe): (&Candidate, &Keyframe),
-    (seed, interrupt): (u64, &Interrupt),
+    candidate: &Candidate,
+    keyframe: &Keyframe,
+    seed: u64,
+    interrupt: &Interrupt,
 ) -> Result<(Located, Option<PlaceRefusal>), PlaceRefusal> {
     // Most candidates are none, and to know what is around them takes longer than to see that.
     let (found, needed) = (candidate.matches.len(), verification::MIN_INLIERS);
@@ -266,7 +269,8 @@ fn judge_candidate(
 #[must_use]
 pub fn find_loop_closure(
     map: &Map,
-    (keyframe, view): (EntityId, &QueryView<'_>),
+    keyframe: EntityId,
+    view: &QueryView<'_>,
     candidates: &[Candidate],
     interrupt: &Interrupt,
 ) -> (PlaceSearch, Option<Constraint>) {
@@ -275,7 +279,7 @@ pub fn find_loop_closure(
             .map_or(Ok(()), |expected| expected.is_met_by(verified))
     };
     let seed = keyframe.id as u64;
-    let (candidates, located) = locate(map, view, candidates, (seed, interrupt), accept);
+    let (candidates, located) = locate(map, view, candidates, seed, interrupt, accept);
     let closure = located.map(|located| Constraint {
         kind: ConstraintKind::LoopClosure,
         keyframe_i: located.keyframe,

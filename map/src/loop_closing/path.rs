@@ -71,7 +71,7 @@ pub(super) fn expected(
     query: EntityId,
     interrupt: &Interrupt,
 ) -> Option<Expected> {
-    let way = shortest(map, candidate, query, (f64::INFINITY, interrupt))?;
+    let way = shortest(map, candidate, query, f64::INFINITY, interrupt)?;
     let (from, to) = (map.keyframes().get(&candidate)?, map.keyframes().get(&query)?);
     let measures_depth =
         [from, to].iter().all(|k| k.observations.iter().any(|o| o.depth.is_some()));
@@ -95,7 +95,8 @@ pub(super) fn shortest(
     map: &Map,
     from: EntityId,
     to: EntityId,
-    (most, interrupt): (f64, &Interrupt),
+    most: f64,
+    interrupt: &Interrupt,
 ) -> Option<OdometryPath> {
     let odom = |id: EntityId| map.keyframes().get(&id).map(|k| k.odom_from_camera);
     let mut best: BTreeMap<EntityId, OdometryPath> = BTreeMap::from([(from, OdometryPath::none())]);

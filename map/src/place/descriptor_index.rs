@@ -224,8 +224,10 @@ impl DescriptorIndex {
     /// them; `voters` descriptors vote.
     pub(super) fn query(
         &self,
-        (query, numbers): (&[u64], &[u16]),
-        (voters, count): (usize, usize),
+        query: &[u64],
+        numbers: &[u16],
+        voters: usize,
+        count: usize,
         alike: &[EntityId],
         excluded: impl Fn(EntityId) -> bool,
     ) -> Vec<FoundKeyframe> {

@@ -275,7 +275,7 @@ impl PlaceIndex {
             // Scores of several types are shares of all features.
             let share = numbers.len() as f64 / features.len() as f64;
             let voters = VOTERS * numbers.len() / features.len();
-            for found in index.query((&words, &numbers), (voters, count), &alike, &excluded) {
+            for found in index.query(&words, &numbers, voters, count, &alike, &excluded) {
                 let (first_ns, last_ns) = found.time_ns;
                 let island = Island { client: found.keyframe.client, first_ns, last_ns };
                 let keyframe = found.keyframe;

@@ -81,7 +81,7 @@ pub fn measured_graph(
     }
     let factors = factors(map, &graph, &closures);
     scale(&mut graph, &owners, &closures, &factors);
-    let positions = priors::add(map, gauge, (pairs, &keyframes), &mut graph);
+    let positions = priors::add(map, gauge, pairs, &keyframes, &mut graph);
     GraphProblem {
         start_poses: graph.poses.clone(),
         graph,

@@ -19,7 +19,8 @@ use crate::{EntityId, Gauge, GraphPairs, Map, Prior};
 pub(super) fn add(
     map: &Map,
     gauge: Gauge,
-    (pairs, keyframes): (&GraphPairs<'_>, &[EntityId]),
+    pairs: &GraphPairs<'_>,
+    keyframes: &[EntityId],
     graph: &mut PoseGraph<Se3, 6>,
 ) -> Vec<JudgedPosition> {
     let mut positions = Vec::new();

@@ -74,7 +74,7 @@ proptest! {
         });
         // Every answer is of keyframes that are there, with the distances that their matches have.
         let numbers: Vec<u16> = (0..asked.len() as u16).collect();
-        for found in index.query((&query, &numbers), (1024, 9), &[], |id| id == excluded) {
+        for found in index.query(&query, &numbers, 1024, 9, &[], |id| id == excluded) {
             prop_assert!(found.keyframe != excluded && found.score > 0.0 && found.score <= 1.0);
             let words = &model[&found.keyframe];
             for PlaceMatch { query: a, candidate: b, distance: d } in found.matches {

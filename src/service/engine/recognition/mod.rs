@@ -137,7 +137,7 @@ fn find(
                 Err(error) => (refused(not_indexed(&error)), None),
                 Ok(candidates) => {
                     let (mut search, closure) =
-                        find_loop_closure(map, (keyframe, &view), &candidates, interrupt);
+                        find_loop_closure(map, keyframe, &view, &candidates, interrupt);
                     search.refusal = places.refusal(keyframe);
                     (search, closure)
                 }
