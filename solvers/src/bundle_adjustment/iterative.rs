@@ -1,6 +1,6 @@
 //! Conjugate gradients on the reduced camera system without its matrix.
 //!
-//! Products come from [`Product`](super::product) over the chunks, pose factors and the damping are
+//! Products come from [`Product`](super::product) over the chunks, state factors and the damping are
 //! added; the preconditioner is the inverse of the system's diagonal blocks (Schur-Jacobi). Steps
 //! are inexact on purpose. The matrix is never formed; whether this solver is used is decided in
 //! `reduced_solver`.
@@ -27,8 +27,8 @@ pub(super) struct Linearization<'a> {
     /// First unknown of each block.
     pub(super) offsets: &'a [usize],
     pub(super) groups: &'a [LandmarkGroup],
-    /// H of the pose factors, where there are any.
-    pub(super) pose_hessian: Option<&'a BlockMatrix>,
+    /// H of the state factors, where there are any.
+    pub(super) state_hessian: Option<&'a BlockMatrix>,
     /// λD.
     pub(super) added: &'a [f64],
 }
@@ -46,7 +46,7 @@ pub(super) struct Iterative<const D: usize, const V: usize, const T: usize, cons
 struct Workspace<const D: usize, const V: usize, const T: usize, const R: usize> {
     sums: Vec<ProductSums<D, V, T, R>>,
     vectors: Vec<ViewVector<V, T>>,
-    pose_product: Vec<f64>,
+    state_product: Vec<f64>,
 }
 
 impl<const D: usize, const V: usize, const T: usize, const R: usize> Iterative<D, V, T, R> {
@@ -57,7 +57,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Iterative<D
             workspace: Workspace {
                 sums: layout.chunks().iter().map(|c| ProductSums::new(layout, c)).collect(),
                 vectors: vec![ViewVector::ZERO; layout.views.len()],
-                pose_product: Vec::new(),
+                state_product: Vec::new(),
             },
         }
     }
@@ -104,7 +104,7 @@ impl Linearization<'_> {
         q: &mut [f64],
         workspace: &mut Workspace<D, V, T, R>,
     ) {
-        let Workspace { sums, vectors, pose_product } = workspace;
+        let Workspace { sums, vectors, state_product } = workspace;
         let Self { pass, offsets, groups, .. } = *self;
         let Pass { inputs, layout, class, interrupt } = pass;
         gather(layout, offsets, p, vectors);
@@ -129,10 +129,10 @@ impl Linearization<'_> {
                 }
             }
         }
-        if let Some(hessian) = self.pose_hessian {
-            pose_product.resize(p.len(), 0.0);
-            hessian.symmetric_multiply(p, pose_product);
-            q.iter_mut().zip(pose_product.iter()).for_each(|(q, x)| *q += x);
+        if let Some(hessian) = self.state_hessian {
+            state_product.resize(p.len(), 0.0);
+            hessian.symmetric_multiply(p, state_product);
+            q.iter_mut().zip(state_product.iter()).for_each(|(q, x)| *q += x);
         }
     }
 }

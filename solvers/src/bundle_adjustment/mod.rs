@@ -1,6 +1,6 @@
 //! Bundle adjustment: poses, cameras and landmarks by Schur elimination of the landmarks.
 //!
-//! Minimizes ½ Σ ρ(‖r‖²) over the observations of a [`BundleProblem`] plus its pose factors.
+//! Minimizes ½ Σ ρ(‖r‖²) over the observations of a [`BundleProblem`] plus its other factors.
 //! Landmarks are eliminated one by one; the reduced camera system is solved dense for local windows
 //! and block-sparse past that (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, §6).
 //! The gauge is the caller's: constant poses. Without any, the damping holds it.

@@ -69,9 +69,8 @@ impl StateFactor<'_> {
     /// Pairs of its variables, each once.
     pub(super) fn pairs(&self) -> impl Iterator<Item = (Variable, Variable)> + use<> {
         let variables = self.variables();
-        let after = |(count, first)| (count + 1, first);
-        let firsts = variables.clone().enumerate().map(after);
-        firsts.flat_map(move |(next, first)| variables.clone().skip(next).map(move |b| (first, b)))
+        let firsts = variables.clone().enumerate();
+        firsts.flat_map(move |(k, a)| variables.clone().skip(k + 1).map(move |b| (a, b)))
     }
 
     /// ρ(rᵀΩr) at the present values.
@@ -184,8 +183,9 @@ pub(super) fn cost(problem: &BundleProblem) -> f64 {
     0.5 * sum
 }
 
-/// A matrix for H of all state factors: its diagonal and the blocks that `pairs` names.
-pub(super) fn hessian(layout: &Layout, pairs: Vec<(usize, usize)>) -> BlockMatrix {
+/// A matrix for H of all state factors.
+pub(super) fn hessian(problem: &BundleProblem, layout: &Layout) -> BlockMatrix {
+    let pairs = block_pairs(problem, layout);
     BlockMatrix::new(Arc::new(BlockPattern::new(layout.block_sizes.clone(), pairs)))
 }
 

@@ -36,7 +36,7 @@ pub(super) struct BundleSystem<'a> {
     eliminator: Box<dyn Eliminator>,
     groups: Vec<LandmarkGroup>,
     reduced: BlockMatrix,
-    pose_hessian: Option<BlockMatrix>,
+    state_hessian: Option<BlockMatrix>,
     vectors: ReducedVectors,
     eliminated_for: Option<f64>,
     // The step.
@@ -84,15 +84,14 @@ impl<'a> BundleSystem<'a> {
             None => (Solver::Iterative, None),
         };
         let dimension = pattern.dimension();
-        let pose_pairs = || state_factors::block_pairs(problem, layout);
         Ok(Self {
             linear_solver,
             offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
             reduction: Reduction::new(layout, pairs.as_deref().unwrap_or(&[]), &pattern),
             eliminator: (variables.kernels.eliminator)(layout, pairs.as_deref()),
             groups: vec![LandmarkGroup::ZERO; layout.sorted.tile_count() * GROUPS],
-            pose_hessian: state_factors::has_any(problem)
-                .then(|| state_factors::hessian(layout, pose_pairs())),
+            state_hessian: state_factors::has_any(problem)
+                .then(|| state_factors::hessian(problem, layout)),
             reduced: BlockMatrix::new(pattern),
             vectors: ReducedVectors::new(dimension),
             eliminated_for: None,
@@ -122,7 +121,7 @@ impl<'a> BundleSystem<'a> {
         let pass = self.variables.pass();
         self.eliminator.eliminate(&pass, self.pairs.as_deref(), damping, &mut self.groups);
         self.eliminator.reduce(&pass, &self.reduction, &mut self.reduced, &mut self.vectors);
-        if let Some(hessian) = &mut self.pose_hessian {
+        if let Some(hessian) = &mut self.state_hessian {
             let mut gradient = vec![0.0; self.step.len()];
             let Variables { problem, layout, stiffness, .. } = &self.variables;
             state_factors::linearize(problem, layout, hessian, &mut gradient, *stiffness);
@@ -153,7 +152,7 @@ impl<'a> BundleSystem<'a> {
                     pass: self.variables.pass(),
                     offsets: &self.offsets,
                     groups: &self.groups,
-                    pose_hessian: self.pose_hessian.as_ref(),
+                    state_hessian: self.state_hessian.as_ref(),
                     added,
                 };
                 self.eliminator.solve(&linearization, &self.reduced, &right, &mut self.step)
