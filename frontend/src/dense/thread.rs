@@ -138,6 +138,6 @@ fn work(
         // The receiver is gone when the caller has stopped waiting.
         let _gone = progress.send((again, all));
     })?;
-    let rebuilt = mapper.rebuilt();
-    Ok(DenseReport { volume: mapper.volume, integrate_s, follow_s, skipped, rebuilt })
+    let DenseMapper { volume, rebuilt, .. } = mapper;
+    Ok(DenseReport { volume, integrate_s, follow_s, skipped, rebuilt })
 }

@@ -103,7 +103,8 @@ pub struct DenseMapper {
     /// Whether keyframes moved since the last check found no frame that is off.
     moved: bool,
     rebuild: Option<Rebuild>,
-    rebuilt: usize,
+    /// How many times the volume was rebuilt.
+    pub(super) rebuilt: usize,
 }
 
 impl DenseMapper {
@@ -128,18 +129,6 @@ impl DenseMapper {
             rebuild: None,
             rebuilt: 0,
         })
-    }
-
-    /// The volume, with the corrections that were applied so far.
-    #[must_use]
-    pub fn volume(&self) -> &PagedVolume {
-        &self.volume
-    }
-
-    /// How many times the volume was rebuilt so far.
-    #[must_use]
-    pub fn rebuilt(&self) -> usize {
-        self.rebuilt
     }
 
     /// Integrates a frame. A new keyframe has the pose `world_from_keyframe` until it is corrected.

@@ -3,7 +3,7 @@
 mod changes;
 mod frames;
 mod paging;
-mod scene;
+pub(crate) mod scene;
 
 use covis_solvers::geometry::Se3;
 

@@ -11,7 +11,7 @@ use crate::image::Image;
 
 /// A solid in the world.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Shape {
+pub(crate) enum Shape {
     /// The inside of a box around the origin, by its half edges, m.
     Room(Vector3<f64>),
     /// Center and half edges, m.
@@ -22,7 +22,7 @@ pub(super) enum Shape {
 
 impl Shape {
     /// Distance of a point from the surface, m; negative inside of what is solid.
-    pub(super) fn distance(&self, point: &Vector3<f64>) -> f64 {
+    pub(crate) fn distance(&self, point: &Vector3<f64>) -> f64 {
         let outside = |q: Vector3<f64>| q.sup(&Vector3::zeros()).norm() + q.max().min(0.0);
         match self {
             Self::Room(half) => -outside(point.abs() - half),
@@ -62,20 +62,20 @@ fn slabs(half: &Vector3<f64>, origin: &Vector3<f64>, direction: &Vector3<f64>) -
 }
 
 /// Solids and their colors.
-pub(super) type Scene = Vec<(Shape, [u8; 3])>;
+pub(crate) type Scene = Vec<(Shape, [u8; 3])>;
 
 /// Distance of a point from the nearest surface, m.
-pub(super) fn distance(scene: &Scene, point: &Vector3<f64>) -> f64 {
+pub(crate) fn distance(scene: &Scene, point: &Vector3<f64>) -> f64 {
     scene.iter().map(|(shape, _)| shape.distance(point).abs()).fold(f64::INFINITY, f64::min)
 }
 
 /// A room of 4 × 4 × 2.4 m.
-pub(super) fn room() -> Scene {
+pub(crate) fn room() -> Scene {
     vec![(Shape::Room(Vector3::new(2.0, 2.0, 1.2)), [120, 90, 60])]
 }
 
 /// The room with a box on the floor and a ball in the air.
-pub(super) fn furnished() -> Scene {
+pub(crate) fn furnished() -> Scene {
     let mut scene = room();
     scene.push((
         Shape::Box(Vector3::new(0.9, 0.3, -0.9), Vector3::new(0.2, 0.3, 0.3)),
@@ -86,27 +86,27 @@ pub(super) fn furnished() -> Scene {
 }
 
 /// What a camera sees: depth, color, and the number of the solid.
-pub(super) struct Rendered {
-    pub(super) depth_m: Image<f32>,
-    pub(super) color: Image<[u8; 3]>,
-    pub(super) solid: Image<u8>,
+pub(crate) struct Rendered {
+    pub(crate) depth_m: Image<f32>,
+    pub(crate) color: Image<[u8; 3]>,
+    pub(crate) solid: Image<u8>,
 }
 
 /// 320 × 240 pixels.
-pub(super) fn camera() -> FrameCamera {
+pub(crate) fn camera() -> FrameCamera {
     let lens = PinholeRadialTangential::undistorted(262.0, 262.0, 159.5, 119.5);
     FrameCamera::new(lens, 320, 240).unwrap()
 }
 
 /// The same with a lens that bends.
-pub(super) fn distorted_camera() -> FrameCamera {
+pub(crate) fn distorted_camera() -> FrameCamera {
     let mut lens = PinholeRadialTangential::undistorted(262.0, 260.0, 161.0, 122.0);
     (lens.k1, lens.k2, lens.p1, lens.p2) = (0.12, -0.2, -0.003, 0.002);
     FrameCamera::new(lens, 320, 240).unwrap()
 }
 
 /// A camera at a position that looks along +x, turned to the left and up, z up.
-pub(super) fn looking(position: [f64; 3], left_rad: f64, up_rad: f64) -> Se3 {
+pub(crate) fn looking(position: [f64; 3], left_rad: f64, up_rad: f64) -> Se3 {
     let forward = So3::exp(&Vector3::new(-std::f64::consts::FRAC_PI_2, 0.0, 0.0));
     let forward = So3::exp(&Vector3::new(0.0, 0.0, -std::f64::consts::FRAC_PI_2)).compose(&forward);
     let turn = So3::exp(&Vector3::new(0.0, 0.0, left_rad))
@@ -115,7 +115,7 @@ pub(super) fn looking(position: [f64; 3], left_rad: f64, up_rad: f64) -> Se3 {
 }
 
 /// A slow walk around a position, looking at the far end of the room.
-pub(super) fn path(frame: usize) -> Se3 {
+pub(crate) fn path(frame: usize) -> Se3 {
     let t = frame as f64 / 30.0;
     let position =
         [-1.2 + 0.2 * (0.9 * t).sin(), 0.4 * (0.7 * t).sin(), 0.3 + 0.1 * (1.3 * t).cos()];
@@ -123,7 +123,7 @@ pub(super) fn path(frame: usize) -> Se3 {
 }
 
 /// Depth is exact, or with a Kinect's noise from a seed.
-pub(super) fn render(
+pub(crate) fn render(
     scene: &Scene,
     camera: &FrameCamera,
     pose: &Se3,
@@ -172,14 +172,14 @@ impl Random {
 }
 
 /// A voxel: distance in truncations, weight, color.
-pub(super) fn voxel(block: &Block, x: usize, y: usize, z: usize) -> (f64, u16, [u8; 4]) {
+pub(crate) fn voxel(block: &Block, x: usize, y: usize, z: usize) -> (f64, u16, [u8; 4]) {
     let i = Block::index(x, y, z);
     (f64::from(block.distances[i]) / f64::from(DISTANCE_ONE), block.weights[i], block.colors[i])
 }
 
 /// Points in the world where the distance is zero between neighbors, with the color nearby. Jumps
 /// from free space to behind a surface are none.
-pub(super) fn surface(volume: &Volume) -> Vec<(Vector3<f64>, [u8; 4])> {
+pub(crate) fn surface(volume: &Volume) -> Vec<(Vector3<f64>, [u8; 4])> {
     let voxel_m = f64::from(volume.options().voxel_m);
     let steepest = 4.0 * voxel_m / f64::from(volume.options().truncation_m);
     let mut points = Vec::new();
@@ -215,7 +215,7 @@ pub(super) fn surface(volume: &Volume) -> Vec<(Vector3<f64>, [u8; 4])> {
 }
 
 /// Root of the mean square of points' distances from a scene, m.
-pub(super) fn rmse_m(scene: &Scene, volume: &Volume) -> f64 {
+pub(crate) fn rmse_m(scene: &Scene, volume: &Volume) -> f64 {
     let points = surface(volume);
     assert!(points.len() > 1000, "there is a surface");
     let sum: f64 = points.iter().map(|(point, _)| distance(scene, point).powi(2)).sum();
