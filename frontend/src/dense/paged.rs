@@ -74,12 +74,6 @@ impl PagedVolume {
         self.resident.options()
     }
 
-    /// The part in memory, without the rest.
-    #[must_use]
-    pub fn into_resident(self) -> Volume {
-        self.resident
-    }
-
     /// The part in memory: the whole volume where there is no ceiling.
     #[must_use]
     pub fn resident(&self) -> &Volume {

@@ -50,13 +50,6 @@ const SMOOTHING: [u16; 7] = [18, 34, 49, 54, 49, 34, 18];
 pub struct Descriptor(pub [u64; 4]);
 
 impl Descriptor {
-    /// In how many bits both differ, 0 to 256.
-    #[inline]
-    #[must_use]
-    pub fn distance(&self, other: &Self) -> u32 {
-        self.0.iter().zip(&other.0).map(|(a, b)| (a ^ b).count_ones()).sum()
-    }
-
     /// The words one after the other, little-endian: bit k is bit k mod 8 of byte k / 8.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; 32] {
@@ -74,7 +67,8 @@ pub struct Size(usize);
 
 impl Size {
     /// A radius of 15 px.
-    pub const SMALLEST: Self = Self(0);
+    #[cfg(test)]
+    pub(super) const SMALLEST: Self = Self(0);
 
     /// The size of what is `z_m` meters away, for a focal length in pixels. A negative depth and
     /// one that is not a number have the smallest.

@@ -142,8 +142,8 @@ impl History {
     }
 
     /// How many keyframes are kept.
-    #[must_use]
-    pub fn kept(&self) -> usize {
+    #[cfg(test)]
+    pub(super) fn kept(&self) -> usize {
         self.keyframes.len()
     }
 

@@ -101,8 +101,8 @@ impl MotionDetector {
     }
 
     /// How many keyframes are kept.
-    #[must_use]
-    pub fn kept(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) fn kept(&self) -> usize {
         self.history.kept()
     }
 

@@ -3,11 +3,14 @@
 //! Built for tests and with the feature `fuzzing` only. A volume that is read is written as the same
 //! volume; a small one has a surface whose triangles name its vertices, whatever its voxels are.
 
+use std::io::Cursor;
+use std::path::Path;
+
 use super::super::block::{Block, BlockKey, VOXELS};
 use super::super::navigation::{NavigationOptions, distance_slice, occupancy_grid};
 use super::super::surface::extract;
 use super::{BYTES_A_BLOCK, Bytes, CHUNK_HEAD, HEADER, PagedVolume, Volume, VolumeOptions};
-use super::{decode, encode, u32_at};
+use super::{VolumeFileError, encode, u32_at};
 
 /// Most blocks of a volume that is used beyond reading it.
 const SMALL: usize = 8;
@@ -19,9 +22,11 @@ pub fn volume(input: &[u8]) {
 }
 
 fn judge(bytes: &[u8]) {
-    let Some(volume) = decode(bytes).ok().filter(|volume| volume.len() <= SMALL) else { return };
-    let again = decode(&bytes_of(volume.clone()));
-    let is_same = |again: &Volume| {
+    let Some(read) = decode(bytes).ok().filter(|volume| volume.len() <= SMALL) else { return };
+    let volume = read.resident().clone();
+    let again = decode(&bytes_of(read));
+    let is_same = |again: &PagedVolume| {
+        let again = again.resident();
         let sizes = |volume: &Volume| {
             let VolumeOptions { voxel_m, truncation_m } = *volume.options();
             (voxel_m.to_bits(), truncation_m.to_bits())
@@ -42,6 +47,16 @@ fn judge(bytes: &[u8]) {
         let _refused = occupancy_grid(&mut volume, &options);
         let _refused = distance_slice(&mut volume, &options, 0.0);
     }
+}
+
+/// The volume of a file's bytes, whatever they are; all of it in memory.
+pub(super) fn decode(bytes: &[u8]) -> Result<PagedVolume, VolumeFileError> {
+    in_memory(bytes).decode(|options, blocks| Ok(Volume::with_capacity(options, blocks).into()))
+}
+
+/// A file whose bytes are in memory.
+pub(super) fn in_memory(bytes: &[u8]) -> Bytes<'_, Cursor<&[u8]>> {
+    Bytes { reader: Cursor::new(bytes), length: bytes.len() as u64, path: Path::new("memory") }
 }
 
 /// The bytes of a volume's file.
@@ -66,7 +81,7 @@ pub(super) fn resealed(bytes: &[u8]) -> Vec<u8> {
     // Those that the bytes have room for are what a reader looks at.
     let blocks = u32_at(&bytes, 24) as usize;
     let blocks = blocks.min(bytes.len() / BYTES_A_BLOCK);
-    for chunk in Bytes::of(&bytes).find_chunks(blocks).unwrap_or_default() {
+    for chunk in in_memory(&bytes).find_chunks(blocks).unwrap_or_default() {
         let (start, end) = (chunk.start as usize, chunk.end as usize);
         crc = crc32c::crc32c_append(crc, &bytes[start..start + 4]);
         crc = crc32c::crc32c_append(crc, &bytes[start + CHUNK_HEAD..end]);

@@ -23,7 +23,7 @@ pub mod fuzzing;
 mod tests;
 
 use std::fs::File;
-use std::io::{self, Cursor, Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -193,29 +193,12 @@ pub fn load(path: &Path, ceiling: Option<&MemoryCeiling>) -> Result<PagedVolume,
     })
 }
 
-/// The volume of a file's bytes, whatever they are.
-///
-/// # Errors
-/// As [`load`], without [`VolumeFileError::File`].
-pub fn decode(bytes: &[u8]) -> Result<Volume, VolumeFileError> {
-    let volume = Bytes::of(bytes)
-        .decode(|options, blocks| Ok(Volume::with_capacity(options, blocks).into()));
-    Ok(volume?.into_resident())
-}
-
 /// A file, or the bytes of one in memory.
 struct Bytes<'a, R> {
     reader: R,
     length: u64,
     /// Its name in errors.
     path: &'a Path,
-}
-
-impl<'a> Bytes<'a, Cursor<&'a [u8]>> {
-    /// Bytes in memory.
-    fn of(bytes: &'a [u8]) -> Self {
-        Self { reader: Cursor::new(bytes), length: bytes.len() as u64, path: Path::new("memory") }
-    }
 }
 
 impl<R: Read + Seek> Bytes<'_, R> {

@@ -145,8 +145,6 @@ impl OccupancyGrid {
 pub struct DistanceSlice {
     /// Where the cells are.
     pub ground: Ground,
-    /// Height of the slice, meters along up.
-    pub height_m: f64,
     /// Meters to the nearest surface between the heights of the options, negative behind a surface;
     /// infinite where there is none at all. Row by row from the least y.
     pub distances_m: Vec<f32>,
@@ -192,7 +190,7 @@ pub fn distance_slice(
         let distance = square.sqrt() * ground.resolution_m;
         (if is_behind { -distance } else { distance }) as f32
     });
-    Ok(DistanceSlice { ground, height_m, distances_m: distances_m.collect() })
+    Ok(DistanceSlice { ground, distances_m: distances_m.collect() })
 }
 
 impl DistanceSlice {
