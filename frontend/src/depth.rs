@@ -1,8 +1,8 @@
-//! Depth of structured-light cameras: its noise, what it is at a point of the image, and the depth
-//! image as it would have been when the color was taken. The noise is that of structured light: other
-//! cameras need another formula. Between the two times only the camera's turn is corrected, not its
-//! shift.
+//! Depth of structured-light cameras: its noise (from `covis-dense`), what it is at a point of the image,
+//! and the depth image as it would have been when the color was taken. Between the two times only the
+//! camera's turn is corrected, not its shift.
 
+pub use covis_dense::depth::sigma_m;
 use covis_solvers::geometry::{LieGroup, So3};
 use nalgebra::Vector2;
 
@@ -12,14 +12,6 @@ use super::simd::{self, Kernel};
 
 /// Largest difference between a depth and those around it on one surface, relative to it.
 const SURFACE_STEP: f32 = 0.03;
-
-/// Standard deviation of a measured depth, meters: axial noise of the Kinect (Nguyen, Izadi and
-/// Lovell, 3DIMPVT 2012), which grows with the square of the distance.
-#[must_use]
-pub fn sigma_m(depth_m: f64) -> f64 {
-    let beyond = (depth_m - 0.4).max(0.0);
-    0.0012 + 0.0019 * beyond * beyond
-}
 
 /// The depth at a pixel where it is that of a surface: measured there and, about the same, around it.
 #[must_use]

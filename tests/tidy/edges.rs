@@ -68,7 +68,7 @@ struct Room {
     why: &'static str,
 }
 
-const ROOMS: [Room; 22] = [
+const ROOMS: [Room; 23] = [
     Room {
         rooms: &["store/src/meter"],
         except: &[],
@@ -79,7 +79,7 @@ const ROOMS: [Room; 22] = [
     Room {
         rooms: &["src"],
         except: &["src/lib"],
-        forbidden: &["covis_client", "covis_frontend", "covis_map", "covis_store"],
+        forbidden: &["covis_client", "covis_dense", "covis_frontend", "covis_map", "covis_store"],
         but: &[],
         why: "here their names are crate::client, crate::wire, crate::frontend, crate::map and crate::store, which the walls know",
     },
@@ -91,7 +91,7 @@ const ROOMS: [Room; 22] = [
         why: "a server does not know the frontend",
     },
     Room {
-        rooms: &["src", "client", "frontend", "map", "store"],
+        rooms: &["src", "client", "dense", "frontend", "map", "store"],
         except: &["src/service/telemetry", "src/cli/spans"],
         forbidden: &["hyper*", "opentelemetry*", "tracing_opentelemetry"],
         // Bodies of requests are the transport's.
@@ -114,6 +114,7 @@ const ROOMS: [Room; 22] = [
             "prost*",
             "covis",
             "covis_client",
+            "covis_dense",
             "covis_frontend",
             "std::time",
             "std::fs",
@@ -144,7 +145,7 @@ const ROOMS: [Room; 22] = [
         why: "how events and maps are encoded is known in one place",
     },
     Room {
-        rooms: &["src", "client", "frontend", "map", "store"],
+        rooms: &["src", "client", "dense", "frontend", "map", "store"],
         except: &["store/src/replicated"],
         forbidden: &["async_nats*"],
         but: &[],
@@ -186,6 +187,21 @@ const ROOMS: [Room; 22] = [
         why: "vision is synchronous and knows no server",
     },
     Room {
+        rooms: &["dense"],
+        except: &[],
+        forbidden: &[
+            "tokio*",
+            "tonic*",
+            "prost*",
+            "covis",
+            "covis_client",
+            "covis_frontend",
+            "covis_map",
+        ],
+        but: &[],
+        why: "dense mapping is synchronous and knows neither server nor tracking",
+    },
+    Room {
         rooms: &["src/evaluation"],
         except: &[],
         forbidden: &["tokio*", "tonic*", "prost*", "crate"],
@@ -209,7 +225,7 @@ const ROOMS: [Room; 22] = [
         why: "a page is a function of numbers and text: no clock, no files",
     },
     Room {
-        rooms: &["src", "client", "frontend", "map", "solvers", "store"],
+        rooms: &["src", "client", "dense", "frontend", "map", "solvers", "store"],
         except: &["src/cli/record/sink"],
         forbidden: &["mcap"],
         but: &[],
@@ -230,7 +246,7 @@ const ROOMS: [Room; 22] = [
         why: "map/src/problem is the only place that turns a map into a solver problem",
     },
     Room {
-        rooms: &["src", "client", "frontend", "map", "solvers", "store"],
+        rooms: &["src", "client", "dense", "frontend", "map", "solvers", "store"],
         except: &["src/cli", "src/main"],
         forbidden: &["anyhow"],
         but: &[],
@@ -245,6 +261,7 @@ const ROOMS: [Room; 22] = [
             "prost*",
             "covis",
             "covis_client",
+            "covis_dense",
             "covis_frontend",
             "covis_map",
         ],
@@ -252,7 +269,7 @@ const ROOMS: [Room; 22] = [
         why: "the solver crate is synchronous and stands alone",
     },
     Room {
-        rooms: &["src", "client/src", "frontend/src", "map/src", "solvers/src", "store/src"],
+        rooms: &["src", "client/src", "dense/src", "frontend/src", "map/src", "solvers/src", "store/src"],
         except: &["src/cli", "src/main"],
         forbidden: &["println", "eprintln", "print", "eprint", "dbg", "std::process::exit"],
         but: &[],

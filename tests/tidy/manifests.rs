@@ -80,6 +80,7 @@ fn the_crates_below_stand_without_the_server() {
                 "futures",
                 "covis ",
                 "covis-client",
+                "covis-dense",
                 "covis-front",
                 "covis-map",
             ],
@@ -95,10 +96,25 @@ fn the_crates_below_stand_without_the_server() {
                 "futures",
                 "covis ",
                 "covis-client",
+                "covis-dense",
                 "covis-front",
             ],
         ),
         ("client/Cargo.toml", &["covis", "faer", "nalgebra", "rayon"]),
+        (
+            "dense/Cargo.toml",
+            &[
+                "tokio",
+                "tonic",
+                "prost",
+                "async",
+                "futures",
+                "covis ",
+                "covis-client",
+                "covis-front",
+                "covis-map",
+            ],
+        ),
         ("frontend/Cargo.toml", &["tonic", "covis ", "covis-map"]),
     ];
     let mut offenders = Vec::new();
@@ -134,6 +150,7 @@ fn integration_tests_are_one_binary() {
     let mut offenders = Vec::new();
     for (folder, manifest) in [
         ("client/tests/", "client/Cargo.toml"),
+        ("dense/tests/", "dense/Cargo.toml"),
         ("frontend/tests/", "frontend/Cargo.toml"),
         ("map/tests/", "map/Cargo.toml"),
         ("solvers/tests/", "solvers/Cargo.toml"),
@@ -196,6 +213,7 @@ fn the_fuzz_targets_have_the_profiles_and_lints_of_the_root() {
         "async-nats",
         "covis",
         "covis-client",
+        "covis-dense",
         "covis-frontend",
         "covis-fuzz",
         "covis-map",

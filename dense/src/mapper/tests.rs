@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 
 use super::super::tests::scene::{Rendered, Shape, looking, render, room};
 use super::*;
-use crate::dense::block::Block;
-use crate::dense::page_cache::Region;
+use crate::block::Block;
 use crate::image::Image;
+use crate::page_cache::Region;
 
 const FRAMES: usize = 24;
 /// Every so many frames a keyframe.

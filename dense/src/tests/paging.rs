@@ -8,17 +8,17 @@ use proptest::prelude::*;
 
 use super::extract;
 use super::scene::{Rendered, Scene, Shape, looking, render};
+use crate::block::{Block, BlockKey};
 use crate::camera::FrameCamera;
-use crate::dense::block::{Block, BlockKey};
-use crate::dense::file;
-use crate::dense::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
-use crate::dense::mapper::MemoryCeiling;
-use crate::dense::page_cache::Region;
-use crate::dense::paged::PagedVolume;
-use crate::dense::pages::PageError;
-use crate::dense::surface::{self, Mesh, SurfaceCache};
-use crate::dense::testing::CENTIMETER;
-use crate::dense::volume::{Volume, VolumeOptions};
+use crate::file;
+use crate::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
+use crate::mapper::MemoryCeiling;
+use crate::page_cache::Region;
+use crate::paged::PagedVolume;
+use crate::pages::PageError;
+use crate::surface::{self, Mesh, SurfaceCache};
+use crate::testing::CENTIMETER;
+use crate::volume::{Volume, VolumeOptions};
 
 const GRID: VolumeOptions = VolumeOptions { voxel_m: 0.04, truncation_m: 0.24 };
 /// Frames of the walk, to the far end and back.

@@ -5,11 +5,11 @@ use nalgebra::Vector3;
 
 use super::scene::{Rendered, camera, distorted_camera, furnished, looking, path, render, surface};
 use super::{fuse, volume};
-use crate::dense::block::{BlockKey, DISTANCE_ONE};
-use crate::dense::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
-use crate::dense::lanes::Class;
-use crate::dense::volume::{Volume, VolumeOptions};
+use crate::block::{BlockKey, DISTANCE_ONE};
 use crate::image::Image;
+use crate::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
+use crate::lanes::Class;
+use crate::volume::{Volume, VolumeOptions};
 
 fn same(a: &Volume, b: &Volume) -> bool {
     a.keys() == b.keys() && a.states() == b.states() && a.blocks().iter().eq(b.blocks().iter())

@@ -1,8 +1,7 @@
 //! AVX-512, and AVX2 by way of arrays.
 //!
-//! This file and `crate::simd` have the only `unsafe` of the frontend: a value of [`Avx512`] or
-//! [`Avx2`] exists only after the processor was asked, so that the instructions behind its methods are
-//! there.
+//! This file has the only `unsafe` of the crate: a value of [`Avx512`] or [`Avx2`] exists only after the
+//! processor was asked, so that the instructions behind its methods are there.
 
 #![allow(unsafe_code, reason = "vector instructions; each block says why it is sound")]
 #![allow(

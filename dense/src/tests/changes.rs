@@ -6,9 +6,9 @@ use nalgebra::Vector3;
 use super::scene::{Scene, Shape, camera, path, render, room, surface};
 use super::{extract, fuse, volume};
 use crate::camera::FrameCamera;
-use crate::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
-use crate::dense::surface::SurfaceCache;
-use crate::dense::volume::Volume;
+use crate::integrate::{DenseFrame, IntegrationOptions, Integrator};
+use crate::surface::SurfaceCache;
+use crate::volume::Volume;
 
 /// A second in view.
 const SECOND: usize = 30;

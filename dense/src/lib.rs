@@ -1,8 +1,19 @@
-//! Dense mapping: fuses depth and color at known poses into a truncated signed distance field (TSDF), takes
-//! the surface out of it, and frees voxels where something moved away.
+//! Dense mapping: a surface from depth images at known poses.
 //!
-//! | file | role |
+//! The crate fuses depth and color into a truncated signed distance field (TSDF), extracts its surface, and
+//! frees voxels where something moved away. [`integrate`] fuses frames into a [`volume`]. [`mapper`] fuses
+//! them again when their poses are corrected, and [`thread`] runs it beside tracking. A [`paged`] volume
+//! keeps blocks far from the camera on disk. [`surface`] and [`export`] make meshes, [`mod@file`] stores
+//! volumes, [`navigation`] makes grids to plan on. Results have the same bits on any number of threads.
+//!
+//! The crate may use [`covis_solvers`], threads, files and vector instructions. It must not use a server, a
+//! client, messages or tokio. It does not track cameras: its callers, such as `covis-frontend`, do.
+//!
+//! | module | role |
 //! |---|---|
+//! | `image` | rows of pixels |
+//! | `camera` | the lens, and the ray of each pixel |
+//! | `depth` | noise of depth |
 //! | `block` | 8³ voxels |
 //! | `volume` | the sparse grid of blocks, and memory for them |
 //! | `packing` | blocks as bytes, and pages of them |
@@ -27,10 +38,13 @@
 //! | `navigation` | the ground from above: occupancy and distances |
 
 pub mod block;
+pub mod camera;
+pub mod depth;
 pub mod export;
 pub mod file;
 pub mod frame_log;
 mod fuse;
+pub mod image;
 pub mod integrate;
 mod lanes;
 pub mod mapper;

@@ -3,11 +3,11 @@
 use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3, So3};
 use nalgebra::Vector3;
 
+use crate::block::{Block, BlockKey, DISTANCE_ONE, EDGE};
 use crate::camera::FrameCamera;
-use crate::dense::block::{Block, BlockKey, DISTANCE_ONE, EDGE};
-use crate::dense::volume::Volume;
 use crate::depth::sigma_m;
 use crate::image::Image;
+use crate::volume::Volume;
 
 /// A solid in the world.
 #[derive(Clone, Copy, Debug)]
