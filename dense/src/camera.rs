@@ -92,6 +92,7 @@ impl FrameCamera {
     }
 
     /// Columns and rows of its images.
+    #[inline]
     #[must_use]
     pub fn size(&self) -> (usize, usize) {
         self.rays.size()
@@ -104,12 +105,14 @@ impl FrameCamera {
     }
 
     /// The pixel of a point, `None` behind the camera and far outside of the image.
+    #[inline]
     #[must_use]
     pub fn project(&self, point_in_camera: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.is_seen(point_in_camera).then(|| self.model.project(point_in_camera)).flatten()
     }
 
     /// As [`FrameCamera::project`], with ∂(u, v)/∂(x, y, z).
+    #[inline]
     #[must_use]
     pub fn project_with_jacobian(
         &self,
@@ -128,6 +131,7 @@ impl FrameCamera {
         self.fast
     }
 
+    #[inline]
     fn is_seen(&self, p: &Vector3<f64>) -> bool {
         let is_inside = p.x * p.x + p.y * p.y <= self.largest_tangent2 * p.z * p.z;
         p.z > NEAREST_M && is_inside
@@ -135,6 +139,7 @@ impl FrameCamera {
 
     /// The point on the ray of a pixel at depth z = 1, between the rays of the table; pixels outside
     /// of the image have the ray of its border.
+    #[inline]
     #[must_use]
     pub fn ray(&self, pixel: &Vector2<f64>) -> Vector3<f64> {
         let (width, height) = self.size();
@@ -153,6 +158,7 @@ impl FrameCamera {
     }
 
     /// Whether a pixel lies inside the image and at least `border` pixels from its edge.
+    #[inline]
     #[must_use]
     pub fn contains(&self, pixel: &Vector2<f64>, border: f64) -> bool {
         let (width, height) = self.size();

@@ -4,6 +4,7 @@
 
 /// Standard deviation of a measured depth, meters: axial noise of the Kinect (Nguyen, Izadi and
 /// Lovell, 3DIMPVT 2012), which grows with the square of the distance.
+#[inline]
 #[must_use]
 pub fn sigma_m(depth_m: f64) -> f64 {
     let beyond = (depth_m - 0.4).max(0.0);
