@@ -3951,7 +3951,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__run)
-            opts="-h --map --out --format --camera --depth-scale --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --map --out --format --camera --depth-scale --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --ca --cert --key --token-file --server --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4025,10 +4025,6 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
-                --server)
-                    COMPREPLY=($(compgen -f "${cur}"))
-                    return 0
-                    ;;
                 --ca)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -4042,6 +4038,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
