@@ -9,8 +9,8 @@ use super::convert::camera::camera;
 use super::convert::entities::to_place_candidate;
 use super::convert::geometry::{to_covariance6, to_rigid_transform, vector2};
 use super::convert::ids::{to_keyframe_ref, to_landmark_ref};
-use super::convert::item::{MAX_FEATURE_DESCRIPTOR, MAX_IMAGE_DESCRIPTOR, depth, descriptor};
-use super::convert::{Path, all, convert};
+use super::convert::item::{depth, feature_descriptor, image_descriptor};
+use super::convert::{Path, Violations, all, convert};
 use super::engine::{MapHandle, UnknownType};
 use super::error::ServiceError;
 use crate::loop_closing::{Localization, Located, QueryView};
@@ -41,22 +41,20 @@ pub(super) fn input(request: v1::LocalizeRequest) -> Result<Input, ServiceError>
             let field = at.field("descriptor");
             let descriptor = match message.descriptor {
                 None => None,
-                Some(sent) => Some(descriptor(field, sent, MAX_FEATURE_DESCRIPTOR, out)?),
+                Some(sent) => Some(binary_descriptor(field, sent, out)?),
             };
             let depth_m = depth?.map(|depth| (depth.depth_m, depth.sigma_m));
             Some((Feature { pixel: pixel?, sigma_px: sigma?, depth_m }, descriptor))
         });
         let at = Path::root("global_descriptor");
         let image = request.global_descriptor;
-        let image = image.and_then(|image| descriptor(at, image, MAX_IMAGE_DESCRIPTOR, out));
+        let image = image.and_then(|image| image_descriptor(at, image, out));
         let (features, mut descriptors): (_, Vec<Option<Descriptor>>) =
             features?.into_iter().unzip();
         // What a keyframe could not have is not compared.
         let mut left = KEYFRAME_BYTES;
-        let is_searchable = |descriptor: &&Descriptor| {
-            descriptor.kind == DescriptorKind::Binary
-                && DESCRIPTOR_BYTES.contains(&descriptor.data.len())
-        };
+        let is_searchable =
+            |descriptor: &&Descriptor| DESCRIPTOR_BYTES.contains(&descriptor.data.len());
         for descriptor in &mut descriptors {
             let bytes = descriptor.as_ref().filter(is_searchable).map_or(0, |d| d.data.len());
             match left.checked_sub(bytes) {
@@ -67,6 +65,20 @@ pub(super) fn input(request: v1::LocalizeRequest) -> Result<Input, ServiceError>
         Some(Input { camera: camera?.camera, features, descriptors, image })
     })
     .map_err(Into::into)
+}
+
+/// A descriptor of a feature. The index of places compares binary ones only.
+fn binary_descriptor(
+    at: Path<'_>,
+    message: v1::Descriptor,
+    out: &mut Violations,
+) -> Option<Descriptor> {
+    let descriptor = feature_descriptor(at, message, out)?;
+    if descriptor.kind == DescriptorKind::Binary {
+        return Some(descriptor);
+    }
+    let text = "places are found by BINARY descriptors of features only";
+    out.report(at.field("kind"), Reason::OutOfRange, text)
 }
 
 /// Finds the place. The index of places must be up to the map.

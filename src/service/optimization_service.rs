@@ -199,6 +199,11 @@ pub(super) fn map_options(
             loss(Path::root("observation_loss"), request.observation_loss.as_ref(), out);
         let constraint = loss(Path::root("constraint_loss"), request.constraint_loss.as_ref(), out);
         let gauge = gauge(Path::root("gauge"), request.gauge, out);
+        if problem != OptimizeProblem::Full && request.observation_loss.is_some() {
+            let text = "a pose graph has no observations";
+            let at = Path::root("observation_loss");
+            let _: Option<()> = out.report(at, Reason::Inconsistent, text);
+        }
         if problem != OptimizeProblem::Full && request.refine_intrinsics {
             let text = "a pose graph has no intrinsics";
             let at = Path::root("refine_intrinsics");

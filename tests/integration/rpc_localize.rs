@@ -268,23 +268,39 @@ fn the_answer_to_each_bad_request_says_what_is_wrong() {
         case("features[4].descriptor.data", "TOO_LARGE", &|bad| {
             bad.features[4].descriptor.as_mut().unwrap().data = vec![0; 4097];
         });
+        case("features[4].descriptor.data", "MISSING", &|bad| {
+            bad.features[4].descriptor.as_mut().unwrap().data.clear();
+        });
+        for kind in [v1::DescriptorKind::Float32, v1::DescriptorKind::Uint8] {
+            case("features[4].descriptor.kind", "OUT_OF_RANGE", &|bad| {
+                bad.features[4].descriptor.as_mut().unwrap().kind = kind.into();
+                bad.features[4].descriptor.as_mut().unwrap().data = vec![0; 32];
+            });
+        }
+        case("global_descriptor.kind", "OUT_OF_RANGE", &|bad| {
+            bad.global_descriptor.clone_from(&bad.features[4].descriptor);
+        });
+        for (data, reason) in [
+            (vec![0; 6], "WRONG_LENGTH"),
+            (f32::INFINITY.to_le_bytes().to_vec(), "NOT_FINITE"),
+            (vec![0; 8], "OUT_OF_RANGE"),
+        ] {
+            case("global_descriptor.data", reason, &|bad| {
+                let data = data.clone();
+                bad.global_descriptor = Some(v1::Descriptor { data, ..image_descriptor(&[]) });
+            });
+        }
         case("features", "TOO_LARGE", &|bad| {
             bad.features = vec![bad.features[0].clone(); 4097];
         });
         for (field, reason, bad) in cases {
             check_field(&localize(&server, bad).await.unwrap_err(), field, reason);
         }
-        // Floats that cannot be compared were taken before they were.
-        for data in [vec![0; 6], f32::INFINITY.to_le_bytes().to_vec()] {
-            let image = v1::Descriptor { data, ..image_descriptor(&[]) };
-            let odd = v1::LocalizeRequest { global_descriptor: Some(image), ..good.clone() };
-            localize(&server, odd).await.unwrap();
-        }
         // As many as are taken, all alike, and descriptors that no index holds.
         let most = vec![good.features[0].clone(); 4096];
         let mut odd = good.clone();
         for (k, feature) in odd.features.iter_mut().enumerate() {
-            feature.descriptor.as_mut().unwrap().data = vec![7; [0, 15, 513, 4096][k % 4]];
+            feature.descriptor.as_mut().unwrap().data = vec![7; [1, 15, 513, 4096][k % 4]];
         }
         // More bytes than a keyframe may have.
         let mut long = v1::LocalizeRequest { features: most.clone(), ..good.clone() };

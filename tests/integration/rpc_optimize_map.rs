@@ -73,7 +73,19 @@ fn optimize_map_refuses_what_it_cannot_solve() {
         check_status(&end(optimize("room")).await, Code::FailedPrecondition, "NOTHING_TO_SOLVE");
         check_status(&end(optimize("none")).await, Code::NotFound, "MAP_NOT_FOUND");
         check_field(&end(optimize("")).await, "map_id", "MISSING");
-        let cases: [(v1::OptimizeMapRequest, &str, &str); 5] = [
+        let cases: [(v1::OptimizeMapRequest, &str, &str); 6] = [
+            (
+                v1::OptimizeMapRequest {
+                    observation_loss: Some(v1::Loss {
+                        kind: v1::LossKind::Huber.into(),
+                        width: Some(2.0),
+                    }),
+                    problem: v1::MapProblem::PoseGraph.into(),
+                    ..optimize("room")
+                },
+                "observation_loss",
+                "INCONSISTENT",
+            ),
             (
                 v1::OptimizeMapRequest {
                     refine_intrinsics: true,

@@ -26,6 +26,7 @@ use descriptor_index::{DescriptorIndex, KEYFRAMES, VOTERS};
 use whole_images::WholeImages;
 
 pub use descriptor_index::DESCRIPTORS;
+pub use whole_images::is_image_descriptor;
 
 /// Fewest and most bytes of a binary descriptor: 128 bits are what keys and fingerprints take, and 4096 is
 /// eight times what the longest in use have.

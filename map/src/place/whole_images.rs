@@ -57,6 +57,12 @@ fn direction(descriptor: &Feature<'_>) -> Result<Box<[f32]>, PlaceError> {
     }
 }
 
+/// Whether the data of a descriptor of 32-bit floats can be compared: they have a direction.
+#[must_use]
+pub fn is_image_descriptor(data: &[u8]) -> bool {
+    direction(&Feature { name: "", data }).is_ok()
+}
+
 /// A fixed order of sums, which vector registers can hold.
 fn cosine(a: &[f32], b: &[f32]) -> f32 {
     const LANES: usize = 16;

@@ -286,7 +286,7 @@ class Client:
 
         - `problem`: "full" (bundle adjustment) or "pose-graph", which judges loop closures anew.
         - `certify`: proves the optimum of the pose graph's chordal objective.
-        - `loss`: of observations, such as "huber:2"; the map's by default.
+        - `loss`: of observations, such as "huber:2"; the map's by default. Refused with "pose-graph".
         - `gauge`: "first-keyframe-fixed", "free", "priors" or "fixed-poses"; the map's by default.
         - `on_iteration`: called with each iteration as it comes, on the event loop.
         """
@@ -414,7 +414,7 @@ class Client:
         two that contradict each other are recognized equally well.
 
         A `descriptor_name` that no keyframe of the map has is refused with the names that there are.
-        `camera` is from `covis.camera`, the arrays are as in `Session.keyframe`.
+        `camera` is from `covis.camera`, the arrays are as in `Session.keyframe`. Descriptors must be binary.
         """
         request = _problems.localize_request(
             map_id, camera, pixels, descriptors, depths, sigmas, sigma_px, descriptor_name,

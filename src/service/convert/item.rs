@@ -22,14 +22,15 @@ use crate::map::{
     CameraEntity, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest, EntityRef, Item,
     ItemLandmark, ItemObservation, MeasuredPosition, PartialItem, Reason, Rejection,
 };
+use crate::place::is_image_descriptor;
 use crate::wire::v1;
 use v1::ingest_request::Item as WireItem;
 use v1::keyframe::Sensor;
 
 /// Longest descriptor of a feature, bytes.
-pub(in crate::service) const MAX_FEATURE_DESCRIPTOR: usize = 4096;
+const MAX_FEATURE_DESCRIPTOR: usize = 4096;
 /// Longest descriptor of a whole image, bytes.
-pub(in crate::service) const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
+const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
 /// Most observations, and most landmarks, of one item: each needs some hundred bytes in the map,
 /// however few on the wire.
 pub(super) const MAX_ENTRIES: usize = 65_536;
@@ -170,7 +171,7 @@ fn keyframe(message: v1::Keyframe, sender: &str, out: &mut Violations) -> Option
     let landmarks = landmarks(at.field("landmarks"), &message.landmarks, sender, out);
     let image = message.global_descriptor;
     let field = at.field("global_descriptor");
-    let image = image.and_then(|image| descriptor(field, image, MAX_IMAGE_DESCRIPTOR, out));
+    let image = image.and_then(|image| image_descriptor(field, image, out));
     Some(Item::Keyframe {
         id,
         capture_time_ns: time.unwrap_or(0),
@@ -211,7 +212,7 @@ fn observations(
         let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
         let field = at.field("descriptor");
         let sent = message.descriptor;
-        let descriptor = sent.and_then(|d| descriptor(field, d, MAX_FEATURE_DESCRIPTOR, out));
+        let descriptor = sent.and_then(|d| feature_descriptor(field, d, out));
         let descriptor = descriptor.map(Arc::new);
         let sigma_px = sigma.unwrap_or(1.0);
         Some(ItemObservation { landmark, pixel, sigma_px, depth: depth.flatten(), descriptor })
@@ -241,26 +242,40 @@ pub(in crate::service) fn depth(
     }
 }
 
-/// A descriptor of at most `longest` bytes. What cannot be compared is kept all the same: floats that are
-/// none were taken before they were compared.
-pub(in crate::service) fn descriptor(
+/// A descriptor of a feature.
+pub(in crate::service) fn feature_descriptor(
     at: Path<'_>,
-    descriptor: v1::Descriptor,
+    message: v1::Descriptor,
+    out: &mut Violations,
+) -> Option<Descriptor> {
+    descriptor(at, message, MAX_FEATURE_DESCRIPTOR, out)
+}
+
+/// A descriptor of a whole image. Such are compared by the cosine, which needs numbers with a direction.
+pub(in crate::service) fn image_descriptor(
+    at: Path<'_>,
+    message: v1::Descriptor,
+    out: &mut Violations,
+) -> Option<Descriptor> {
+    let image = descriptor(at, message, MAX_IMAGE_DESCRIPTOR, out)?;
+    if image.kind != DescriptorKind::Float32 {
+        let text = "whole images are compared by FLOAT32 descriptors only";
+        return out.report(at.field("kind"), Reason::OutOfRange, text);
+    }
+    if !is_image_descriptor(&image.data) {
+        let text = "the norm of its numbers is 0 or too large";
+        return out.report(at.field("data"), Reason::OutOfRange, text);
+    }
+    Some(image)
+}
+
+/// A descriptor of at most `longest` bytes.
+fn descriptor(
+    at: Path<'_>,
+    message: v1::Descriptor,
     longest: usize,
     out: &mut Violations,
 ) -> Option<Descriptor> {
-    let kind = descriptor_kind(at, &descriptor, longest, out)?;
-    let v1::Descriptor { name, data, .. } = descriptor;
-    Some(Descriptor { kind, name, data })
-}
-
-/// The kind of a descriptor, whose name and data must not be too long.
-fn descriptor_kind(
-    at: Path<'_>,
-    message: &v1::Descriptor,
-    longest: usize,
-    out: &mut Violations,
-) -> Option<DescriptorKind> {
     let kind = match out.known(at.field("kind"), message.kind) {
         Some(v1::DescriptorKind::Unspecified) => out.missing(at.field("kind")),
         Some(v1::DescriptorKind::Binary) => Some(DescriptorKind::Binary),
@@ -276,7 +291,20 @@ fn descriptor_kind(
             let _: Option<()> = out.report(at.field(name), Reason::TooLarge, text);
         }
     }
-    kind
+    let v1::Descriptor { name, data, .. } = message;
+    let field = at.field("data");
+    out.not_empty(field, &data);
+    if kind == Some(DescriptorKind::Float32) {
+        let (numbers, rest) = data.as_chunks();
+        if !rest.is_empty() {
+            let text = format!("{} bytes are no list of 32-bit floats", data.len());
+            let _: Option<()> = out.report(field, Reason::WrongLength, text);
+        } else if !numbers.iter().all(|&number| f32::from_le_bytes(number).is_finite()) {
+            let text = "a number is not finite";
+            let _: Option<()> = out.report(field, Reason::NotFinite, text);
+        }
+    }
+    Some(Descriptor { kind: kind?, name, data })
 }
 
 fn landmarks(
@@ -294,9 +322,8 @@ fn landmarks(
             // It is unknown whether the map has the landmark with another position.
             out.unreadable.push(at.field("id").to_string());
         }
-        if let Some(descriptor) = &message.descriptor {
-            let field = at.field("descriptor");
-            let _kind = descriptor_kind(field, descriptor, MAX_FEATURE_DESCRIPTOR, out);
+        if message.descriptor.is_some() {
+            let _: Option<()> = out.unimplemented(at.field("descriptor"));
         }
         Some(ItemLandmark { id, position: read })
     })

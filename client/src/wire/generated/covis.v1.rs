@@ -1799,8 +1799,9 @@ pub struct Keyframe {
     /// Landmarks that are new with this keyframe, added before its observations are read. Input only.
     #[prost(message, repeated, tag = "10")]
     pub landmarks: ::prost::alloc::vec::Vec<Landmark>,
-    /// Describes the whole image, for place recognition: FLOAT32, compared by the cosine. The keyframes that
-    /// look most alike by it are compared by their features too. Left out of answers unless asked for.
+    /// Describes the whole image, for place recognition: FLOAT32, other kinds are refused. Compared by the
+    /// cosine: not all numbers are 0. The keyframes that look most alike by it are compared by their features
+    /// too. Left out of answers unless asked for.
     #[prost(message, optional, tag = "11")]
     pub global_descriptor: ::core::option::Option<Descriptor>,
     /// What captured it. Required when the keyframe has observations; a keyframe without takes none
@@ -1902,7 +1903,8 @@ pub struct Descriptor {
     /// What made it, for instance "orb" or "superpoint-v1"; at most 64 bytes.
     #[prost(string, tag = "2")]
     pub name: ::prost::alloc::string::String,
-    /// The descriptor itself, at most 4096 bytes (65536 for a whole image).
+    /// The descriptor itself, 1 to 4096 bytes (65536 for a whole image). Of FLOAT32 whole numbers of 4 bytes,
+    /// all finite.
     #[prost(bytes = "vec", tag = "3")]
     pub data: ::prost::alloc::vec::Vec<u8>,
 }
@@ -1929,7 +1931,7 @@ pub struct Landmark {
     /// Absent on input: the server triangulates it once parallax and cheirality allow.
     #[prost(message, optional, tag = "3")]
     pub point_in_world: ::core::option::Option<Vector3>,
-    /// Describes it, for place recognition. Checked, not kept yet.
+    /// Describes it, for place recognition. Not served yet: refused.
     #[prost(message, optional, tag = "4")]
     pub descriptor: ::core::option::Option<Descriptor>,
     /// The keyframe with which it moves until a solve covers it: the first that observed it.
@@ -6415,7 +6417,7 @@ pub struct LocalizeRequest {
     /// descriptors beyond 256 KiB together are not compared.
     #[prost(message, repeated, tag = "3")]
     pub features: ::prost::alloc::vec::Vec<Feature>,
-    /// Describes the whole image, as Keyframe.global_descriptor. Default: none.
+    /// Describes the whole image: FLOAT32, as Keyframe.global_descriptor. Default: none.
     #[prost(message, optional, tag = "4")]
     pub global_descriptor: ::core::option::Option<Descriptor>,
 }
@@ -6445,7 +6447,8 @@ pub struct Feature {
     /// Standard deviation of depth_m, m, greater than 0. Required with depth_m, refused without it.
     #[prost(double, optional, tag = "4")]
     pub sigma_depth_m: ::core::option::Option<f64>,
-    /// What it looks like; comparable with those of the map's keyframes. Default: not known.
+    /// What it looks like: BINARY, other kinds are refused; comparable with those of the map's keyframes.
+    /// Default: not known.
     #[prost(message, optional, tag = "5")]
     pub descriptor: ::core::option::Option<Descriptor>,
 }
@@ -6627,7 +6630,8 @@ pub struct OptimizeMapRequest {
     /// How to solve.
     #[prost(message, optional, tag = "2")]
     pub options: ::core::option::Option<SolverOptions>,
-    /// Loss of reprojection and depth factors. Default MapPolicy.observation_loss.
+    /// Loss of reprojection and depth factors. Refused with POSE_GRAPH, which has none of them. Default
+    /// MapPolicy.observation_loss.
     #[prost(message, optional, tag = "3")]
     pub observation_loss: ::core::option::Option<Loss>,
     /// Loss of relative-pose constraints that carry none. Default MapPolicy.constraint_loss.
@@ -7116,7 +7120,7 @@ pub mod optimization_service_client {
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: a bad map_id, options, loss or gauge; certify of another problem than
-        ///  POSE_GRAPH.
+        ///  POSE_GRAPH; observation_loss or refine_intrinsics with POSE_GRAPH.
         /// * NOT_FOUND: no such map, or it was deleted meanwhile.
         /// * FAILED_PRECONDITION: the map is frozen, poisoned, or holds no problem that can be solved;
         ///  the message names what is missing or disconnected. With certify also: the map is in several
@@ -7283,7 +7287,7 @@ pub mod optimization_service_server {
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: a bad map_id, options, loss or gauge; certify of another problem than
-        ///  POSE_GRAPH.
+        ///  POSE_GRAPH; observation_loss or refine_intrinsics with POSE_GRAPH.
         /// * NOT_FOUND: no such map, or it was deleted meanwhile.
         /// * FAILED_PRECONDITION: the map is frozen, poisoned, or holds no problem that can be solved;
         ///  the message names what is missing or disconnected. With certify also: the map is in several
