@@ -1169,7 +1169,7 @@ pub enum FactorKind {
     PosePrior = 4,
     /// A position.
     PositionPrior = 5,
-    /// A linear prior left by marginalization.
+    /// Never answered yet: marginalization leaves relative poses and pose priors. A linear prior.
     LinearPrior = 6,
 }
 impl FactorKind {
@@ -3055,7 +3055,7 @@ pub enum ViolationReason {
     TooLarge = 14,
     /// The problem falls into pieces that nothing connects; the description names them.
     Disconnected = 15,
-    /// A variable that nothing measures, or too little.
+    /// A variable that nothing measures, or too little. Never answered yet: NOT_POSITIVE_DEFINITE is.
     Unconstrained = 16,
 }
 impl ViolationReason {
@@ -7126,7 +7126,6 @@ pub mod optimization_service_client {
         ///  the message names what is missing or disconnected. With certify also: the map is in several
         ///  pieces, or has priors.
         /// * ABORTED: another OptimizeMap runs on the map.
-        /// * UNIMPLEMENTED: refine_intrinsics, for now.
         /// * INTERNAL: a bug; the map stays as it is.
         pub async fn optimize_map(
             &mut self,
@@ -7293,7 +7292,6 @@ pub mod optimization_service_server {
         ///  the message names what is missing or disconnected. With certify also: the map is in several
         ///  pieces, or has priors.
         /// * ABORTED: another OptimizeMap runs on the map.
-        /// * UNIMPLEMENTED: refine_intrinsics, for now.
         /// * INTERNAL: a bug; the map stays as it is.
         async fn optimize_map(
             &self,
@@ -8253,7 +8251,7 @@ impl ::prost::Name for UnplacedKeyframe {
         "/covis.v1.UnplacedKeyframe".into()
     }
 }
-/// See RebuildMapSpec.
+/// See RebuildMapSpec. Not served yet.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct RebuildMapResult {
     /// The map that was made.
