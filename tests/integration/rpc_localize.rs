@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use covis::wire::v1;
-use covis_solvers::geometry::LieGroup;
+use covis_solvers::geometry::{LieGroup, Se3};
+use nalgebra::Matrix6;
 use tonic::{Code, Request, Status};
 use v1::ingest_request::Item;
 
@@ -20,15 +21,35 @@ pub(crate) fn walk() -> Made {
     Course { way, ..room }.make(1)
 }
 
-/// The items of the walk without keyframe `left_out`; the next one brings its landmarks.
-fn without(sequence: &Sequence, left_out: i64) -> Vec<Item> {
+/// The items of the walk without the keyframes `left_out`; the next one of each brings its landmarks.
+fn without(sequence: &Sequence, left_out: &[usize]) -> Vec<Item> {
     let mut items = items(sequence, &[], Order::Streamed);
-    let is_it = |item: &Item| matches!(item, Item::Keyframe(k) if k.id == left_out);
-    let at = items.iter().position(is_it).unwrap();
-    let Item::Keyframe(gone) = items.remove(at) else { panic!("not a keyframe") };
-    let Item::Keyframe(next) = &mut items[at] else { panic!("not a keyframe") };
-    next.landmarks.extend(gone.landmarks);
+    for &left_out in left_out {
+        let is_it = |item: &Item| matches!(item, Item::Keyframe(k) if k.id == left_out as i64);
+        let at = items.iter().position(is_it).unwrap();
+        let Item::Keyframe(gone) = items.remove(at) else { panic!("not a keyframe") };
+        let Item::Keyframe(next) = &mut items[at] else { panic!("not a keyframe") };
+        next.landmarks.extend(gone.landmarks);
+    }
     items
+}
+
+/// A pose of an answer.
+fn read_pose(message: &v1::RigidTransform) -> Se3 {
+    let (t, q) = (message.translation.unwrap(), message.rotation.unwrap());
+    pose(&[t.x, t.y, t.z, q.x, q.y, q.z, q.w])
+}
+
+/// A covariance of an answer, whole.
+fn read_covariance(message: &v1::Covariance6) -> Matrix6<f64> {
+    assert_eq!(message.upper_triangle.len(), 21);
+    let mut covariance = Matrix6::zeros();
+    let places = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
+    for ((row, column), &value) in places.zip(&message.upper_triangle) {
+        covariance[(row, column)] = value;
+        covariance[(column, row)] = value;
+    }
+    covariance
 }
 
 /// What a camera sees at a keyframe of the sequence, as a request.
@@ -68,15 +89,13 @@ fn a_lost_robot_is_told_where_it_is() {
         let server = TestServer::lock_step().await;
         server.create_map("room").await;
         let (stream, _) = Stream::open(&server, "room", "robot", 0).await;
-        for (number, item) in (1..).zip(without(&sequence, LOST as i64)) {
+        for (number, item) in (1..).zip(without(&sequence, &[LOST])) {
             stream.send(number, item).await;
         }
         assert!(stream.finish().await.unwrap().iter().all(|ack| ack.violations.is_empty()));
         let answer = localize(&server, request(&sequence, LOST)).await.unwrap();
 
-        let found = answer.world_from_camera.unwrap();
-        let (t, q) = (found.translation.unwrap(), found.rotation.unwrap());
-        let found = pose(&[t.x, t.y, t.z, q.x, q.y, q.z, q.w]);
+        let found = read_pose(answer.world_from_camera.as_ref().unwrap());
         // In the frame of the map, by the keyframe before.
         let before = state(&server, "room").await.poses[LOST - 1];
         let step = sequence.truth[LOST - 1].inverse().compose(&sequence.truth[LOST]);
@@ -85,7 +104,7 @@ fn a_lost_robot_is_told_where_it_is() {
         println!("{m:.3} m, {deg:.2} deg, {} inliers", answer.inliers.len());
         assert!(m < 0.05 && deg < 2.0, "{m} m, {deg} deg");
 
-        assert_eq!(answer.covariance.as_ref().unwrap().upper_triangle.len(), 21);
+        assert!(answer.covariance.is_some());
         assert!(answer.variance_factor >= 1.0);
         let get = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
         let map = server.maps().get_map(get).await.unwrap().into_inner().map.unwrap();
@@ -141,6 +160,61 @@ fn a_lost_robot_is_told_where_it_is() {
             assert!(answer.candidates.iter().all(|candidate| candidate.refusal.is_some()));
         }
     });
+}
+
+/// The error of a pose is taken relative to the keyframe that shows the place, as its covariance is.
+#[test]
+fn the_covariance_of_a_found_pose_is_as_large_as_its_error() {
+    const LOST: [usize; 5] = [24, 29, 34, 39, 44];
+    // Quantiles of the chi-square distribution with six degrees of freedom: 99.99 % of one answer, and
+    // 99.9 % of the mean of 15.
+    const LARGEST: f64 = 27.86;
+    const MEAN: f64 = 9.16;
+    let mut all = Vec::new();
+    run(async {
+        let server = TestServer::lock_step().await;
+        for seed in 1..=3 {
+            let room = made_verdicts::room();
+            let way = room.way[..19].to_vec();
+            let sequence = Course { way, ..room }.make(seed).sequence;
+            let map_id = format!("room-{seed}");
+            server.create_map(&map_id).await;
+            let (stream, _) = Stream::open(&server, &map_id, "robot", 0).await;
+            for (number, item) in (1..).zip(without(&sequence, &LOST)) {
+                stream.send(number, item).await;
+            }
+            assert!(stream.finish().await.unwrap().iter().all(|ack| ack.violations.is_empty()));
+            let list = v1::ListKeyframesRequest { map_id: map_id.clone(), ..Default::default() };
+            let mut list = server.maps().list_keyframes(list).await.unwrap().into_inner();
+            let keyframes = list.message().await.unwrap().unwrap().keyframes;
+            for lost in LOST {
+                let request =
+                    v1::LocalizeRequest { map_id: map_id.clone(), ..request(&sequence, lost) };
+                let answer = localize(&server, request).await.unwrap();
+                let Some(found) = answer.world_from_camera.as_ref().map(read_pose) else {
+                    continue;
+                };
+                let shown = answer.candidates.last().unwrap().keyframe.as_ref().unwrap().id;
+                let keyframe = keyframes.iter().find(|k| k.id == shown).unwrap();
+                let place = read_pose(keyframe.world_from_camera.as_ref().unwrap());
+                let step = sequence.truth[shown as usize].inverse().compose(&sequence.truth[lost]);
+                let error = place.compose(&step).inverse().compose(&found).log();
+
+                let covariance = read_covariance(answer.covariance.as_ref().unwrap());
+                let factor = covariance.cholesky().expect("positive definite");
+                let sigma = covariance.diagonal().map(f64::sqrt);
+                // A room whose walls are 2 m away, seen with 0.7 px and a focal length that is 1 % off.
+                assert!((0..3).all(|k| (2e-4..0.05).contains(&sigma[k])), "{sigma}");
+                assert!((3..6).all(|k| (5e-5..0.02).contains(&sigma[k])), "{sigma}");
+                all.push(error.dot(&factor.solve(&error)));
+            }
+        }
+    });
+    println!("squared errors over their covariance: {all:.2?}");
+    assert!(all.len() >= 12, "{} of 15 are found", all.len());
+    assert!(all.iter().all(|&s| s < LARGEST), "{all:?}");
+    let mean = all.iter().sum::<f64>() / all.len() as f64;
+    assert!((0.6..MEAN).contains(&mean), "{mean}");
 }
 
 #[test]
