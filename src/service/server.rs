@@ -471,7 +471,8 @@ fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
     use super::engine::Fault;
 
     let Some(name) = &config.test_fault else { return Ok(config) };
-    if name.starts_with("rpc:") || name.starts_with("hold-") {
+    let is_held_solve = name == "hold-reconstruction";
+    if !is_held_solve && (name.starts_with("rpc:") || name.starts_with("hold-")) {
         return Ok(config);
     }
     let fault = match name.as_str() {
@@ -481,6 +482,7 @@ fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
         "panic-in-retirement" => Fault::PanicInRetirement,
         "panic-in-background" => Fault::PanicInBackground,
         "impossible-result" => Fault::ImpossibleResult,
+        "hold-reconstruction" => Fault::HoldReconstruction,
         "panic-in-engine" => Fault::PanicInEngine,
         "fail-calls" => Fault::FailCalls,
         _ => return Err(ServerError::UnknownFault { name: name.clone() }),

@@ -1,12 +1,18 @@
 //! What a user in a hurry meets: wrong files, no server, full disks. Each error says what happened, to
 //! what, and what to do next.
 
+#[cfg(unix)]
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
 use covis_solvers::testing::skip;
 
 use crate::cli_support::{Ran, Running, Workspace, golden};
+#[cfg(unix)]
+use crate::common::{TestServer, occupy, run};
+#[cfg(unix)]
+use crate::job_support::Jobs;
 #[cfg(unix)]
 use crate::process::{Process, Signal};
 
@@ -178,35 +184,35 @@ fn a_folder_without_maps_is_distinguished_from_a_damaged_one() {
 #[cfg(unix)]
 #[test]
 fn waiting_for_a_job_can_be_interrupted_and_the_job_goes_on() {
-    let workspace = Workspace::new();
-    let server = Running::start(&workspace, &workspace.path("data"));
-    let on = format!("--server {}", server.url);
-    let problems = workspace.path("problems");
-    fs_err::create_dir(&problems).unwrap();
-    for number in 0..200 {
-        fs_err::copy(golden(WINDOW), problems.join(format!("{number}.bal"))).unwrap();
-    }
-    let mut command = workspace.command();
-    command.args(["job", "submit", "solve", "--id", "long", "--wait", "--server", &server.url]);
-    command.arg("--file").arg(&problems).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let child = Process::spawn(&mut command);
-    let state = || {
-        let ran = workspace.run(&format!("job list --json {on}"), &[]);
-        let jobs: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
-        jobs[0]["state"].as_str().map(str::to_owned)
-    };
-    while state().is_none() {
-        std::thread::yield_now();
-    }
-    child.signal(Signal::INT);
-    let ran = Ran::of(child.output());
-    if ran.code == Some(0) {
-        skip("the job ended before the interrupt");
-        return;
-    }
-    ran.expect_failure(&["interrupt; job long goes on", "covis job watch long"]);
-    let watched = workspace.run(&format!("job watch long {on}"), &[]);
-    assert_eq!(watched.code, Some(0), "{}", watched.stderr);
+    run(async {
+        let server = TestServer::start().await;
+        // The job waits for a thread until the interrupt has come.
+        let busy = occupy(&server).await;
+        let url = format!("http://{}", server.running.local_addr());
+        let workspace = Workspace::new();
+        let mut command = workspace.command();
+        command.args(["job", "submit", "solve", "--id", "long", "--server", &url]);
+        command.arg("--file").arg(golden(WINDOW));
+        let submitted = tokio::task::spawn_blocking(move || command.output()).await.unwrap();
+        assert_eq!(Ran::of(submitted.unwrap()).code, Some(0));
+
+        let mut command = workspace.command();
+        command.args(["job", "watch", "long", "--server", &url]);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = Process::spawn(&mut command);
+        let ran = tokio::task::spawn_blocking(move || {
+            // Its first line says that it waits, and signals are caught before that.
+            let mut line = String::new();
+            BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();
+            child.signal(Signal::INT);
+            (line, Ran::of(child.output()))
+        });
+        let (line, ran) = ran.await.unwrap();
+        assert!(line.contains("long"), "{line}");
+        ran.expect_failure(&["interrupt; job long goes on", "covis job watch long"]);
+        drop(busy);
+        Jobs::of(&server).success("long").await;
+    });
 }
 
 #[test]

@@ -172,6 +172,8 @@ pub enum Fault {
     PanicInBackground,
     /// The result of every solve has a pose that is no number.
     ImpossibleResult,
+    /// Every reconstruction of a map waits after its first step until it is canceled.
+    HoldReconstruction,
     /// The engine panics while it applies a client's item.
     PanicInEngine,
     /// Every call on a map, including its creation and deletion, returns [`EngineError::Bug`].

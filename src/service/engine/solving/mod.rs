@@ -19,7 +19,8 @@ pub(crate) mod window;
 
 use std::panic::resume_unwind;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use covis_solvers::{bundle_adjustment, optimizer};
 
@@ -170,9 +171,15 @@ impl Solving {
         let (mut options, steps) = (job.options, job.steps.clone());
         let cancel = Arc::clone(job.cancellation.flag());
         options.optimizer.ceiling = self.shared.config.ceiling();
+        let (holds, canceled) =
+            (self.shared.config.injects(Fault::HoldReconstruction), Arc::clone(&cancel));
         self.start_whole(map, options, true, cancel, move |step| {
+            let is_held = holds && matches!(step, SolveStep::Reconstruction(_));
             // The receiver is gone when the caller went away; the solve is then canceled.
             let _gone = steps.send(step);
+            while is_held && !canceled.load(Ordering::Relaxed) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
         });
     }
 
