@@ -12,6 +12,8 @@ use super::thin::thin;
 
 /// Points of a line.
 const MOST_POINTS: usize = 800;
+/// The largest over the smallest value from which an axis is by powers of ten.
+const DECADE: f64 = 10.0;
 /// Bins of a histogram.
 const BINS: usize = 48;
 
@@ -70,15 +72,31 @@ pub struct Labels<'a> {
     pub y: &'a str,
 }
 
-/// Lines; with `log_y` by powers of ten.
+/// What the axis of values of [`lines`] spans.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Span {
+    /// From 0, so that heights compare as the values do.
+    FromZero,
+    /// The values alone: by powers of ten where the largest is ten times the smallest, which the
+    /// description then says.
+    OfValues,
+}
+
+/// Lines over x.
 #[must_use]
-pub fn lines(labels: Labels<'_>, log_y: bool, lines: &[Line]) -> Picture {
+pub fn lines(labels: Labels<'_>, span: Span, lines: &[Line]) -> Picture {
     let all = || lines.iter().flat_map(|line| line.points.iter().chain(&line.marked));
-    let kind = if log_y { Kind::Log } else { Kind::Linear };
     let x = Scale::new(Kind::Linear, Scale::range(Kind::Linear, all().map(|p| p.0)), (LEFT, RIGHT));
-    let (low, high) = Scale::range(kind, all().map(|p| p.1));
-    let low = if log_y { low } else { low.min(0.0) };
-    let y = Scale::new(kind, (low, high), (BOTTOM, TOP));
+    let (low, high) = Scale::range(Kind::Linear, all().map(|p| p.1));
+    let positive = Scale::range(Kind::Log, all().map(|p| p.1));
+    let (kind, range) = match span {
+        Span::FromZero => (Kind::Linear, (low.min(0.0), high)),
+        Span::OfValues if positive.1 >= DECADE * positive.0 => {
+            (Kind::Log, Scale::whole_decades(positive))
+        }
+        Span::OfValues => (Kind::Linear, (low, high)),
+    };
+    let y = Scale::new(kind, range, (BOTTOM, TOP));
     let mut body = axes(&x, &y, &labels);
     for line in lines {
         let points = finite(&line.points);
@@ -94,14 +112,16 @@ pub fn lines(labels: Labels<'_>, log_y: bool, lines: &[Line]) -> Picture {
     }
     let named = lines.iter().filter_map(|line| Some((line.name.as_deref()?, line.role)));
     legend(&mut body, &named.collect::<Vec<_>>());
-    Picture::new(labels.title, labels.description, (WIDTH, HEIGHT), body)
+    let by_powers = if kind == Kind::Log { " The axis is by powers of ten." } else { "" };
+    let description = format!("{}{by_powers}", labels.description);
+    Picture::new(labels.title, &description, (WIDTH, HEIGHT), body)
 }
 
 fn finite(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     points.iter().copied().filter(|p| p.0.is_finite() && p.1.is_finite()).collect()
 }
 
-/// How often each size occurs, by powers of ten: before and after, each as a share of its own count.
+/// How often each size occurs, over its logarithm: before and after, each as a share of its own count.
 /// Sizes that are not finite are left out, those of 0 lie in the lowest bin.
 #[must_use]
 pub fn histogram(labels: Labels<'_>, before: Option<&[f64]>, after: &[f64]) -> Picture {

@@ -23,7 +23,7 @@ mod scale;
 mod tests;
 mod thin;
 
-pub use chart::{Bar, Labels, Line, Role, bars, histogram, lines};
+pub use chart::{Bar, Labels, Line, Role, Span, bars, histogram, lines};
 use markup::Markup;
 pub use number::{count, number, quantiles};
 pub use picture::Picture;

@@ -55,6 +55,12 @@ impl Scale {
         })
     }
 
+    /// The powers of ten around a range of positive values.
+    pub(super) fn whole_decades((low, high): (f64, f64)) -> (f64, f64) {
+        let power = |exponent: f64| 10_f64.powi(exponent as i32);
+        (power(low.log10().floor()).min(low), power(high.log10().ceil()).max(high))
+    }
+
     /// Where a value lies, pixels, at the ends where it is outside.
     pub(super) fn at(&self, value: f64) -> f64 {
         let share = match self.kind {
@@ -99,7 +105,9 @@ impl Scale {
 
     fn log_ticks(&self) -> Vec<(f64, String)> {
         const MOST: i32 = 7;
-        let (first, last) = (self.low.log10().ceil() as i32, self.high.log10().floor() as i32);
+        // The logarithm of a power of ten may be off by its rounding.
+        let (low, high) = (self.low.log10() - 1e-9, self.high.log10() + 1e-9);
+        let (first, last) = (low.ceil() as i32, high.floor() as i32);
         if last - first < 1 {
             // Under two powers of ten: 1, 2 and 5 times each.
             let all = (first - 1..=last).flat_map(|p| [1.0, 2.0, 5.0].map(|m| m * 10_f64.powi(p)));

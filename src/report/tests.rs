@@ -34,7 +34,7 @@ fn text_from_outside_never_becomes_markup() {
         points: &[],
         links: &[],
     };
-    let mut pictures = vec![lines(named, true, &[line]), bars(named, &[bar])];
+    let mut pictures = vec![lines(named, Span::OfValues, &[line]), bars(named, &[bar])];
     pictures.push(histogram(named, Some(&[1.0]), &[2.0]));
     pictures.extend(views(&plan));
     let table = Table::new(HOSTILE, &[HOSTILE], vec![vec![HOSTILE.to_owned()]]);
@@ -57,7 +57,7 @@ fn text_from_outside_never_becomes_markup() {
 #[test]
 fn nothing_is_loaded_from_elsewhere_and_nothing_runs() {
     let mut page = Page::new("title", "covis solve", &[]);
-    page.row(&[lines(labels("Cost"), true, &[])], &[]);
+    page.row(&[lines(labels("Cost"), Span::OfValues, &[])], &[]);
     let html = page.finish("covis");
     for text in ["<script", "<link", "<img", "<iframe", "url(", "@import", "javascript:", "href"] {
         assert!(!html.contains(text), "{text}");
@@ -112,7 +112,10 @@ fn a_million_poses_make_a_small_page_that_shows_the_worst_of_them() {
     let points: Vec<(f64, f64)> = errors.iter().enumerate().map(|(k, &e)| (k as f64, e)).collect();
     let line = Line { name: None, role: Role::After, points, marked: Vec::new() };
     page.row(
-        &[lines(labels("Errors"), false, &[line]), histogram(labels("All"), None, &errors)],
+        &[
+            lines(labels("Errors"), Span::FromZero, &[line]),
+            histogram(labels("All"), None, &errors),
+        ],
         &[],
     );
     let rows = vec![vec!["1".to_owned(); 4]; 100_000];
@@ -144,8 +147,8 @@ fn numbers_that_are_none_and_empty_sets_draw_without_harm() {
     let mut page = Page::new("title", "covis", &[]);
     page.row(
         &[
-            lines(labels("a"), true, std::slice::from_ref(&line)),
-            lines(labels("b"), false, &[line]),
+            lines(labels("a"), Span::OfValues, std::slice::from_ref(&line)),
+            lines(labels("b"), Span::FromZero, &[line]),
         ],
         &[],
     );
@@ -158,6 +161,55 @@ fn numbers_that_are_none_and_empty_sets_draw_without_harm() {
     page.row(&views(&plan(&[])), &[]);
     let html = page.finish("covis");
     assert!(!html.contains("NaN") && !html.contains("inf "), "a coordinate is no number");
+}
+
+/// The y of the points of a picture's first line, and the texts of its ticks beside y.
+fn drawn(picture: &Picture) -> (Vec<f64>, Vec<String>) {
+    let mut page = Page::new("title", "covis", &[]);
+    page.row(std::slice::from_ref(picture), &[]);
+    let html = page.finish("covis");
+    let (_, line) = html.split_once("class=\"line after\" d=\"M").unwrap();
+    let points = line.split_once('"').unwrap().0.split('L');
+    let heights = points.map(|point| point.split_once(' ').unwrap().1.parse().unwrap()).collect();
+    let ticks = html.split("text-anchor=\"end\">").skip(1);
+    (heights, ticks.map(|text| text.split_once('<').unwrap().0.to_owned()).collect())
+}
+
+fn falling(values: &[f64]) -> Picture {
+    let points = values.iter().enumerate().map(|(k, &v)| (k as f64, v)).collect();
+    lines(labels("Cost"), Span::OfValues, &[Line { points, ..Line::default() }])
+}
+
+#[test]
+fn an_axis_by_powers_of_ten_says_so_and_has_its_ticks_there() {
+    for values in
+        [vec![4e5, 3e4, 7e3, 5.2e3], vec![95.0, 9.4], vec![1000.0, 1.0], vec![3e-7, 2e9, 0.0]]
+    {
+        let picture = falling(&values);
+        assert!(format!("{picture:?}").contains("by powers of ten"), "{values:?}");
+        let (_, ticks) = drawn(&picture);
+        let powers: Vec<f64> =
+            ticks.iter().map(|text| text.parse::<f64>().unwrap().log10()).collect();
+        assert!(powers.len() >= 2, "{ticks:?}");
+        assert!(powers.iter().all(|power| (power - power.round()).abs() < 1e-9), "{ticks:?}");
+    }
+}
+
+#[test]
+fn a_cost_that_falls_by_a_percent_or_less_falls_over_the_whole_picture() {
+    for last in [990.0, 999.9, 999.999_9, 150.0] {
+        let picture = falling(&[1000.0, last + 0.2 * (1000.0 - last), last]);
+        assert!(!format!("{picture:?}").contains("powers of ten"), "{last}");
+        let (heights, ticks) = drawn(&picture);
+        assert_eq!((heights[0], heights[2]), (30.0, 256.0), "{last}");
+        assert!(
+            (heights[1] - (256.0 - 0.2 * 226.0)).abs() < 0.11,
+            "as far as the cost: {heights:?}"
+        );
+        assert!(ticks.len() >= 2 && ticks.windows(2).all(|pair| pair[0] != pair[1]), "{ticks:?}");
+    }
+    // One that stays is a line in the middle.
+    assert_eq!(drawn(&falling(&[7.0, 7.0])).0, [143.0, 143.0]);
 }
 
 #[test]

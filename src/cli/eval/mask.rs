@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::super::html::{self, ReportFlag};
 use super::super::output::show;
 use crate::evaluation::{LEAST_COVERAGE, MaskEvaluation, MaskOverlap, Statistics};
-use crate::report::{Labels, Line, Page, Role, Table, count, lines, number};
+use crate::report::{Labels, Line, Page, Role, Span, Table, count, lines, number};
 
 /// Names are told to a microsecond; frames are milliseconds apart.
 const SAME_TIME_S: f64 = 1e-4;
@@ -124,7 +124,10 @@ fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
         named("truth", Role::Reference, line(&truth)),
         named("estimate", Role::After, line(&masked)),
     ];
-    page.row(&[lines(iou, false, &[line(&covered)]), lines(shares, false, &both)], &[]);
+    page.row(
+        &[lines(iou, Span::FromZero, &[line(&covered)]), lines(shares, Span::FromZero, &both)],
+        &[],
+    );
     page
 }
 

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::report::{Labels, Line, Page, Table, histogram, lines, number, quantiles};
+use crate::report::{Labels, Line, Page, Span, Table, histogram, lines, number, quantiles};
 
 /// An iteration of a solve, as `--json` and reports of jobs have it.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
@@ -25,17 +25,17 @@ pub(in crate::cli) fn cost(page: &mut Page, rows: &[Iteration]) {
     };
     let described = |title, x| Labels {
         title,
-        description: "Powers of ten; a circle is a step that was rejected.",
+        description: "A circle is a step that was rejected.",
         x,
         y: "cost",
     };
     let pictures = [
         lines(
             described("Cost over iterations", "iteration"),
-            true,
+            Span::OfValues,
             &[line(|r| r.iteration as f64)],
         ),
-        lines(described("Cost over time", "time, s"), true, &[line(|r| r.seconds)]),
+        lines(described("Cost over time", "time, s"), Span::OfValues, &[line(|r| r.seconds)]),
     ];
     page.row(&pictures, &[]);
     let cells = |row: &Iteration| {

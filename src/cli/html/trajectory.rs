@@ -4,7 +4,7 @@
 use covis_solvers::io::trajectory::Trajectory;
 
 use crate::evaluation::PoseError;
-use crate::report::{Labels, Line, Page, Plan, Table, histogram, lines, quantiles, views};
+use crate::report::{Labels, Line, Page, Plan, Span, Table, histogram, lines, quantiles, views};
 
 /// Where the errors are: the trajectory beside the truth. `is_absolute` says that they are of single
 /// poses, otherwise they are of motions and are shown along the truth.
@@ -53,8 +53,8 @@ pub(in crate::cli) fn errors(
     let translation = labels("Translation error", "Its length over time.", "m");
     let rotation = labels("Rotation error", "Its angle over time.", "deg");
     let pictures = [
-        lines(translation, false, &[over_time(&lengths)]),
-        lines(rotation, false, &[over_time(&angles)]),
+        lines(translation, Span::FromZero, &[over_time(&lengths)]),
+        lines(rotation, Span::FromZero, &[over_time(&angles)]),
     ];
     page.row(&pictures, &[]);
 

@@ -17,7 +17,7 @@ use crate::client::Client;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::mapping::solves::LocalSolve;
 use crate::report::{
-    Bar, Labels, Line, Link, Page, Plan, Role, Table, bars, count, lines, number, views,
+    Bar, Labels, Line, Link, Page, Plan, Role, Span, Table, bars, count, lines, number, views,
 };
 use crate::wire::v1;
 use v1::constraint::Constraint;
@@ -207,7 +207,10 @@ fn solves(page: &mut Page, report: &RunReport) {
     let before = line(Some("before"), Role::Before, |solve| solve.initial_cost);
     let after = line(Some("after"), Role::After, |solve| solve.final_cost);
     let took = line(None, Role::After, |solve| solve.solve_s * 1e3);
-    page.row(&[lines(costs, false, &[before, after]), lines(times, false, &[took])], &[]);
+    page.row(
+        &[lines(costs, Span::OfValues, &[before, after]), lines(times, Span::FromZero, &[took])],
+        &[],
+    );
 }
 
 /// Where the time went: stages, and frames one after the other.
@@ -244,6 +247,6 @@ fn times(page: &mut Page, report: &RunReport, stages: &BTreeMap<&'static str, Qu
     let points = frames.iter().enumerate().map(|(k, s)| (k as f64, s * 1e3)).collect();
     let line = Line { points, ..Line::default() };
     let late = count(report.late());
-    page.row(&[lines(labels, false, &[line])], &[]);
+    page.row(&[lines(labels, Span::FromZero, &[line])], &[]);
     page.note(&format!("{late} of {} frames took longer than 33 ms.", count(frames.len())));
 }

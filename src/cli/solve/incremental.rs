@@ -24,7 +24,7 @@ use super::report::print_lines;
 use crate::cli::html;
 use crate::cli::output::print;
 use crate::cli::progress::Progress;
-use crate::report::{Labels, Line, Page, histogram, lines};
+use crate::report::{Labels, Line, Page, Span, histogram, lines};
 
 /// A row every so many steps.
 const ROW_EVERY: usize = 100;
@@ -210,7 +210,10 @@ impl Incremental {
             x: "ms",
             y: "%",
         };
-        page.row(&[lines(labels, false, &[line]), histogram(times, None, &self.milliseconds)], &[]);
+        page.row(
+            &[lines(labels, Span::FromZero, &[line]), histogram(times, None, &self.milliseconds)],
+            &[],
+        );
         page
     }
 
