@@ -48,6 +48,7 @@ fn of_client(error: &ClientError) -> Option<String> {
         (Code::Unauthenticated, _) => "--token-file FILE, or COVIS_TOKEN, gives the server a token",
         (Code::NotFound, Some("MAP_NOT_FOUND")) => "`covis map list` shows the maps there are",
         (Code::NotFound, Some("JOB_NOT_FOUND")) => "`covis job list` shows the jobs there are",
+        (_, Some("CLIENT_IN_BOTH")) => "--rename CLIENT=NEW gives the source's client another name",
         // No server of ours built this status: whoever is there did not understand the call.
         (Code::Unavailable | Code::Unknown | Code::Internal, None) => {
             "if the server has a certificate, its URL begins with https://"

@@ -26,6 +26,18 @@ fn json(workspace: &Workspace, server: &Running, arguments: &str) -> Value {
 }
 
 #[test]
+fn a_merge_of_maps_with_one_client_names_the_flag_that_renames_it() {
+    let workspace = Workspace::new();
+    workspace.file("graph.g2o", GRAPH);
+    let server = Running::start(&workspace, &workspace.path("data"));
+    for name in ["here", "there"] {
+        json(&workspace, &server, &format!("import {name} graph.g2o --client survey"));
+    }
+    map(&workspace, &server, "merge here there")
+        .expect_failure(&["\"survey\" is in both maps", "--rename CLIENT=NEW"]);
+}
+
+#[test]
 fn a_map_is_imported_frozen_and_moved_to_another_server() {
     let workspace = Workspace::new();
     workspace.file("graph.g2o", GRAPH);
