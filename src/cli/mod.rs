@@ -125,7 +125,11 @@ pub fn command() -> clap::Command {
     ];
     let of_workers = flags(|setting| OF_WORKERS.contains(&setting.get_id().as_str()));
     let of_solvers = flags(|setting| setting.get_id() == "threads");
+    // `run` starts a server of its own unless a flag names one.
+    const SERVER_OF_RUN: &str = "The server's URL; neither COVIS_SERVER nor covis.toml names it [default: a server \
+        in this process]";
     command
+        .mut_subcommand("run", |run| run.mut_arg("server", |server| server.help(SERVER_OF_RUN)))
         .mut_subcommand("serve", |server| server.args(of_server))
         .mut_subcommand("worker", |worker| worker.args(of_workers))
         .mut_subcommand("solve", |solver| solver.args(of_solvers))
@@ -189,5 +193,17 @@ mod tests {
     #[test]
     fn the_arguments_contradict_each_other_nowhere() {
         command().debug_assert();
+    }
+
+    #[test]
+    fn only_a_flag_names_the_server_of_a_run() {
+        let command = command();
+        let help = |name: &str| {
+            let of = command.find_subcommand(name).unwrap();
+            let flag = of.get_arguments().find(|flag| flag.get_id() == "server").unwrap();
+            flag.get_help().unwrap().to_string()
+        };
+        assert!(help("map").ends_with("[env: COVIS_SERVER]"), "{}", help("map"));
+        assert!(help("run").ends_with("[default: a server in this process]"), "{}", help("run"));
     }
 }

@@ -628,7 +628,7 @@ complete -c covis -n "__fish_covis_using_subcommand run" -l ca -d 'Certificates 
 complete -c covis -n "__fish_covis_using_subcommand run" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand run" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l server -d 'The server\'s URL; neither COVIS_SERVER nor covis.toml names it [default: a server in this process]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
