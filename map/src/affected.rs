@@ -68,7 +68,6 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
         | Change::MapMerged { .. }
         | Change::MapTakenOut { .. }
         | Change::ItemRepeated
-        | Change::PolicySet { .. }
         | Change::MapUpdated { .. } => return None,
     };
     let age = |id: &EntityId| map.keyframes().get(id).map_or(0, |known| known.added_revision);

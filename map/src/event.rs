@@ -189,7 +189,6 @@ impl Change {
             Self::MapMerged { .. } => "map_merged",
             Self::MapTakenOut { .. } => "map_taken_out",
             Self::ItemRepeated => "item_repeated",
-            Self::PolicySet { .. } => "policy_set",
             Self::MapUpdated { .. } => "map_updated",
         }
     }
@@ -362,11 +361,6 @@ pub enum Change {
     /// An item repeated what the map already holds, under another sequence: only the sequence is new,
     /// so that the client's acknowledged sequences have no gap.
     ItemRepeated,
-    /// The policy changed.
-    PolicySet {
-        /// The new one.
-        policy: MapPolicy,
-    },
     /// Name, policy or state changed on request; what is `None` stays as it is.
     MapUpdated {
         /// The new free text for people.

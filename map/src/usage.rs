@@ -365,7 +365,6 @@ impl Map {
             | Change::KeyframeRemoved { .. }
             | Change::KeyframeRetired { .. }
             | Change::ConstraintRevoked { .. }
-            | Change::PolicySet { .. }
             | Change::MapUpdated { .. } => NOTHING,
         }
     }

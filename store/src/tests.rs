@@ -6,7 +6,8 @@ use super::{Durability, Epoch, MemoryStore, Position, Store, StoreError};
 use covis_map::{Change, Event, Map, MapParts, MapPolicy};
 
 fn event(revision: i64) -> Arc<Event> {
-    let change = Change::PolicySet { policy: MapPolicy::default() };
+    let change =
+        Change::MapUpdated { display_name: None, policy: Some(MapPolicy::default()), frozen: None };
     Arc::new(Event { revision, time_ns: 0, cause: None, change })
 }
 

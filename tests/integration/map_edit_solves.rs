@@ -63,7 +63,7 @@ fn an_edit_asks_for_its_keyframes_and_a_closure_or_prior_for_the_graph() {
     assert_eq!(affected(&journal.map, &Change::SolveApplied { solve }), None);
     // Their window holds all of them, however small the policy makes it.
     let small = MapPolicy { window_keyframes: 2, ..MapPolicy::default() };
-    journal.push(Change::PolicySet { policy: small });
+    journal.push(Change::MapUpdated { display_name: None, policy: Some(small), frozen: None });
     let window = window_around(&journal.map, &keyframes(&[2, 3, 99, 4]));
     assert_eq!(window.free, keyframes(&[2, 3, 4]));
     assert!(window_around(&journal.map, &keyframes(&[99])).free.is_empty());

@@ -140,7 +140,8 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
         _ => {
             let when_full = WhenFull::Marginalize;
             let policy = MapPolicy { window_keyframes: 5, when_full, ..MapPolicy::default() };
-            journal.push(Change::PolicySet { policy });
+            let policy = Some(policy);
+            journal.push(Change::MapUpdated { display_name: None, policy, frozen: None });
         }
     }
 }
@@ -398,7 +399,8 @@ fn the_last_sequence_and_the_last_revision_are_no_overflow() {
     let opened = Change::ClientOpened { name: "robot".to_owned(), epoch: 1 };
     map.apply(&event(i64::MAX - 1, None, opened.clone())).unwrap();
     let cause = Cause { client: ROBOT, epoch: 1, sequence: i64::MAX, digest: [0; 32] };
-    let policy = Change::PolicySet { policy: MapPolicy::default() };
+    let policy = Some(MapPolicy::default());
+    let policy = Change::MapUpdated { display_name: None, policy, frozen: None };
     map.apply(&event(i64::MAX, Some(cause), policy.clone())).unwrap();
     assert_eq!(map.client(ROBOT).unwrap().next_sequence, i64::MAX);
     assert_eq!(map.recall(ROBOT, i64::MAX, &[0; 32]), Recall::Duplicate);

@@ -72,7 +72,7 @@ impl Fit<'_> {
     fn change(&self, change: &Change) -> Outcome {
         match change {
             Change::ItemRepeated => Ok(()),
-            Change::Created { policy, .. } | Change::PolicySet { policy } => policy_fits(policy),
+            Change::Created { policy, .. } => policy_fits(policy),
             Change::MapUpdated { policy, .. } => policy.as_ref().map_or(Ok(()), policy_fits),
             Change::ClientOpened { name, epoch } => self.opening(name, *epoch),
             Change::CameraSet { id, camera } => {

@@ -147,7 +147,6 @@ impl Map {
             Change::MapTakenOut { name, clients_leave } => self.take_out(name, *clients_leave),
             // The cause contains everything.
             Change::ItemRepeated => {}
-            Change::PolicySet { policy } => self.set_policy(*policy),
             Change::MapUpdated { display_name, policy, frozen } => {
                 if let Some(display_name) = display_name {
                     self.parts.display_name.clone_from(display_name);

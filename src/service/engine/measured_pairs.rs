@@ -213,7 +213,6 @@ impl MeasuredPairs {
             | Change::MapTakenOut { .. } => self.known().clear(revision),
             Change::Created { .. }
             | Change::ItemRepeated
-            | Change::PolicySet { .. }
             | Change::MapUpdated { .. }
             | Change::ClientOpened { .. }
             | Change::LandmarksAdded { .. }

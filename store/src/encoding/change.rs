@@ -122,7 +122,6 @@ pub(super) fn encode_change(change: &Change) -> Wire {
         Change::KeyframeRetired { retired } => Wire::KeyframeRetired(encode_retired(retired)),
         Change::ConstraintRevoked { id } => Wire::ConstraintRevoked(encode_id(*id)),
         Change::ItemRepeated => Wire::ItemRepeated(v1::ItemRepeated {}),
-        Change::PolicySet { policy } => Wire::PolicySet(encode_policy(policy)),
         Change::MapUpdated { display_name, policy, frozen } => Wire::MapUpdated(v1::MapUpdated {
             display_name: display_name.clone(),
             policy: policy.as_ref().map(encode_policy),
@@ -247,7 +246,12 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
         Wire::MapTakenOut(v1::MapTakenOut { name, clients_leave }) => {
             Change::MapTakenOut { name, clients_leave }
         }
-        Wire::PolicySet(policy) => Change::PolicySet { policy: decode_policy(Some(policy))? },
+        // Only journals of earlier versions may have it.
+        Wire::PolicySet(policy) => Change::MapUpdated {
+            display_name: None,
+            policy: Some(decode_policy(Some(policy))?),
+            frozen: None,
+        },
         Wire::MapUpdated(v1::MapUpdated { display_name, policy, frozen }) => Change::MapUpdated {
             display_name,
             policy: policy.map(|policy| decode_policy(Some(policy))).transpose()?,

@@ -230,6 +230,7 @@ fn an_index_of_what_has_left_the_map_is_given_back() {
     assert_eq!(candidates(&places, &map, 0, &Interrupt::default()), [0]);
     // Nothing is searched where the policy has it off.
     let policy = MapPolicy { place_recognition: false, ..MapPolicy::default() };
-    apply(&mut map, Change::PolicySet { policy });
+    let off = Change::MapUpdated { display_name: None, policy: Some(policy), frozen: None };
+    apply(&mut map, off);
     assert!(places.take_excess(&map).is_some());
 }

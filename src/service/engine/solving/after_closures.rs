@@ -158,7 +158,6 @@ impl Background {
                 | Change::DuplicatesSplit { .. }
                 | Change::MapMerged { .. }
                 | Change::MapTakenOut { .. }
-                | Change::PolicySet { .. }
                 | Change::MapUpdated { .. }
         );
         self.may_be_due |= makes_due || std::mem::take(&mut self.waits_for_journal);

@@ -55,7 +55,6 @@ impl Touched {
         match change {
             Change::Created { .. }
             | Change::ItemRepeated
-            | Change::PolicySet { .. }
             | Change::MapUpdated { .. }
             | Change::MapTakenOut { .. }
             | Change::ClientOpened { .. } => {}
@@ -200,7 +199,6 @@ pub(crate) fn size_of_change(change: &Change) -> usize {
         | Change::MapTakenOut { .. } => UNKNOWN_SIZE,
         Change::Created { .. }
         | Change::ItemRepeated
-        | Change::PolicySet { .. }
         | Change::MapUpdated { .. }
         | Change::ClientOpened { .. }
         | Change::CameraSet { .. }

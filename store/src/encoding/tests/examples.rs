@@ -300,7 +300,7 @@ pub(crate) fn every_change() -> Vec<Event> {
                 )],
             },
         },
-        Change::PolicySet { policy: other },
+        Change::MapUpdated { display_name: None, policy: Some(other), frozen: None },
         Change::ItemRepeated,
         Change::MapUpdated {
             display_name: Some(String::new()),
