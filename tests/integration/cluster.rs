@@ -1,7 +1,8 @@
 //! Several servers that share maps over NATS: real processes of both, on loopback ports.
 //!
 //! `NATS_SERVER` names the program of NATS, else it is looked for in the path; the tests are skipped
-//! where there is none of version 2.10 or later. `COVIS_TEST_CLUSTER_ROUNDS` repeats what kills.
+//! where there is none of version 2.10 or later, or fail where `COVIS_TEST_NATS_REQUIRED` is 1.
+//! `COVIS_TEST_CLUSTER_ROUNDS` repeats what kills.
 
 mod copies;
 #[cfg(target_os = "linux")]

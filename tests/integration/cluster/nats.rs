@@ -75,6 +75,9 @@ impl Nats {
         let program = match program() {
             Ok(program) => program,
             Err(why) => {
+                let required = std::env::var_os("COVIS_TEST_NATS_REQUIRED");
+                let is_required = required.is_some_and(|value| value == "1");
+                assert!(!is_required, "no NATS server ({why}), and COVIS_TEST_NATS_REQUIRED is 1");
                 skip(&format!("no NATS server ({why})"));
                 return None;
             }
