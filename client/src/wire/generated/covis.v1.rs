@@ -1903,8 +1903,8 @@ pub struct Descriptor {
     /// What made it, for instance "orb" or "superpoint-v1"; at most 64 bytes.
     #[prost(string, tag = "2")]
     pub name: ::prost::alloc::string::String,
-    /// The descriptor itself, 1 to 4096 bytes (65536 for a whole image). Of FLOAT32 whole numbers of 4 bytes,
-    /// all finite.
+    /// The descriptor itself, 1 to 4096 bytes (65536 for a whole image). With FLOAT32 a multiple of 4 bytes, and
+    /// every number is finite.
     #[prost(bytes = "vec", tag = "3")]
     pub data: ::prost::alloc::vec::Vec<u8>,
 }
