@@ -269,7 +269,15 @@ const ROOMS: [Room; 23] = [
         why: "the solver crate is synchronous and stands alone",
     },
     Room {
-        rooms: &["src", "client/src", "dense/src", "frontend/src", "map/src", "solvers/src", "store/src"],
+        rooms: &[
+            "src",
+            "client/src",
+            "dense/src",
+            "frontend/src",
+            "map/src",
+            "solvers/src",
+            "store/src",
+        ],
         except: &["src/cli", "src/main"],
         forbidden: &["println", "eprintln", "print", "eprint", "dbg", "std::process::exit"],
         but: &[],

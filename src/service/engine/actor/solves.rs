@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use super::Actor;
 use crate::map::{
-    AppliedSolve, Change, ClientIndex, EntityId, Held, Map, Reach, SolveKind, SwitchedOff,
-    applied,
+    AppliedSolve, Change, ClientIndex, EntityId, Held, Map, Reach, SolveKind, SwitchedOff, applied,
 };
 use crate::service::engine::outcome::{HeldKeyframe, Moved, Outcome, Solution};
 use crate::service::engine::pool::Ended;
