@@ -187,7 +187,7 @@ impl<'a> BundleSystem<'a> {
 
 impl System for BundleSystem<'_> {
     fn losses(&self) -> Losses {
-        losses_of(&self.variables.problem)
+        losses_of(self.variables.problem)
     }
 
     fn begin_inner_iterations(&mut self) {

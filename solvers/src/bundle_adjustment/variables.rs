@@ -103,7 +103,7 @@ impl<'a> Variables<'a> {
     /// ½ Σ ρ(r²) over all factors.
     pub(super) fn cost(&mut self) -> f64 {
         self.fill_records();
-        (self.kernels.cost)(&self.pass()) + state_factors::cost(&self.problem)
+        (self.kernels.cost)(&self.pass()) + state_factors::cost(self.problem)
     }
 
     /// Moves the variables by `length` times a step.
