@@ -197,17 +197,19 @@ pub(super) fn is_well_placed(
     position: &Vector3<f64>,
     pose: impl Fn(EntityId, &Keyframe) -> Se3,
 ) -> bool {
-    if has_depth(map, id, landmark) {
-        return true;
-    }
     let mut first: Option<Vector3<f64>> = None;
-    let mut has_parallax = false;
+    let (mut is_in_front, mut has_parallax) = (true, false);
     let observers = landmark.observers.iter();
     let observers = observers.filter_map(|id| Some((*id, map.keyframes().get(id)?)));
-    let views = observers.flat_map(|(id, keyframe)| map.views_at(keyframe, pose(id, keyframe)));
-    for view in views.filter(|view| view.observations.of(id).is_some()) {
-        if view.world_from_camera.inverse_transform(position).z <= 0.0 {
-            return false;
+    for view in observers.flat_map(|(id, keyframe)| map.views_at(keyframe, pose(id, keyframe))) {
+        let Some(seen) = view.observations.of(id) else { continue };
+        if seen.depth.is_some_and(|depth| depth.places()) {
+            return true;
+        }
+        is_in_front &= view.world_from_camera.inverse_transform(position).z > 0.0;
+        if !is_in_front {
+            // A later view may have a depth.
+            continue;
         }
         let ray = (position - view.world_from_camera.translation).normalize();
         match &first {
@@ -215,7 +217,7 @@ pub(super) fn is_well_placed(
             Some(first) => has_parallax |= first.dot(&ray) < MIN_PARALLAX_COS,
         }
     }
-    has_parallax
+    is_in_front && has_parallax
 }
 
 /// Whether an observer measured how far the landmark is.
