@@ -3,9 +3,9 @@
 
 use covis_solvers::problem::SolveError;
 
-use super::access::hide_tenant;
 use super::engine::{EngineError, PoolError};
-use super::jobs::JobError;
+use super::job_error::JobError;
+use super::names::hide_tenant;
 use crate::map::{Reason, Rejection};
 use crate::wire::v1;
 

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use prost::Message;
 use tonic::{Request, Response, Status, Streaming};
 
-use super::access::{Caller, change, shown};
+use super::access::{Caller, change};
 use super::connections::Peer;
 use super::context::{Answers, Context, Messages, Rpcs};
 use super::convert::map::{display_name, policy, to_hints};
@@ -16,6 +16,7 @@ use super::convert::{Path, convert, ids, merge, update};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{EngineError, Estimate, MapHandle, PoolError, Resource};
 use super::error::ServiceError;
+use super::names::shown;
 use super::watch::{Resolution, WatcherOptions};
 use super::{export, import, listing, watch};
 use crate::map::{Map, Reason};

@@ -10,6 +10,8 @@
 //! | `convert` | wire ↔ domain; names bad fields |
 //! | `status`, `error`, `reasons` | domain error → status code, only here; why a call ends, and which field is wrong |
 //! | `context`, `deadline` | turns a handler's outcome into an answer; when a call that solves must end |
+//! | `names` | what may be a name, and maps without their tenants |
+//! | `job_error` | why a call on a job ends early |
 //! | `access` | tokens, roles and tenants: who may call what |
 //! | `clock` | the clock that decides whether tokens and jobs have expired |
 //! | `jobs` | work that outlives a call |
@@ -43,12 +45,14 @@ mod graph_solve;
 mod grpc_only;
 mod import;
 mod ingest_service;
+mod job_error;
 mod job_service;
 mod jobs;
 mod listing;
 mod localize;
 mod log_limit;
 mod map_service;
+mod names;
 mod optimization_service;
 mod page;
 mod printable;

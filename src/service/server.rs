@@ -184,7 +184,8 @@ impl Server {
         let config = staged(config)?;
         let secured = |protocols| config.tls.clone().map(|files| Tls::new(files, protocols));
         let tls = secured(tls::GRPC).transpose()?.map(Arc::new);
-        let access = Arc::new(Access::new(&config)?);
+        let access = Access::new(config.tokens.clone(), config.jwt.clone(), config.clock.clone())?;
+        let access = Arc::new(access);
         check_address(address, &config, &access)?;
         let page = page_listener(&config).await?;
         if let Some((address, _)) = &page {

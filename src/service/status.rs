@@ -12,10 +12,10 @@ use covis_solvers::problem::SolveError;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
 
-use super::access::maps_of;
 use super::engine::EngineError;
 use super::error::ServiceError;
-use super::jobs::JobError;
+use super::job_error::JobError;
+use super::names::maps_of;
 use super::random::random_id;
 use super::reasons::{reason_name, solve_reason, wire_name};
 use crate::map::{MergeError, Reason, Rejection};

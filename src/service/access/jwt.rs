@@ -26,7 +26,7 @@ use serde::de::DeserializeOwned;
 
 use super::jwks::{Algorithm, Key, Keys};
 use super::roles::Role;
-use crate::service::convert::ids::is_name;
+use crate::service::names::is_name;
 
 /// By how much the clocks of issuer and server may differ, seconds.
 const LEEWAY: i64 = 60;

@@ -28,7 +28,6 @@ use tonic::Request;
 use tonic::codegen::http::HeaderMap;
 
 use super::clock::Clock;
-use super::config::ServerConfig;
 use super::engine::AccountLimits;
 use super::error::ServiceError;
 use audit::Refusals;
@@ -41,7 +40,7 @@ pub(super) use guard::Guarded;
 pub use jwt::JwtOptions;
 use rights::Proof;
 pub(super) use roles::Role;
-pub(super) use tenants::{Caller, hide_tenant, maps_of, shown};
+pub(super) use tenants::Caller;
 pub use tokens::AccessError;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(super) use tokens::Tokens as ParsedTokens;
@@ -76,12 +75,14 @@ impl CredentialFiles {
 }
 
 impl Access {
-    /// Reads the files, if there are any.
-    pub(super) fn new(config: &ServerConfig) -> Result<Self, AccessError> {
-        let (tokens, jwt) = (config.tokens.clone(), config.jwt.clone());
+    /// Reads the file of tokens and the issuer's keys, if there are any.
+    pub(super) fn new(
+        tokens: Option<PathBuf>,
+        jwt: Option<JwtOptions>,
+        clock: Clock,
+    ) -> Result<Self, AccessError> {
         let (known, _) = watch::channel(CredentialFiles::read(tokens.as_ref(), jwt.as_ref())?);
-        let (clock, refusals) = (config.clock.clone(), Refusals::default());
-        Ok(Self { tokens, jwt, clock, known, refusals })
+        Ok(Self { tokens, jwt, clock, known, refusals: Refusals::default() })
     }
 
     /// Whether only callers with a token are admitted.

@@ -7,9 +7,8 @@ use std::sync::Arc;
 
 use super::Role;
 use super::rights::Proof;
-use crate::service::engine::{EngineError, SEPARATOR, tenant_of};
+use crate::service::engine::{SEPARATOR, tenant_of};
 use crate::service::error::ServiceError;
-use crate::store::StoreError;
 
 /// Who makes a call.
 #[derive(Clone, Debug)]
@@ -92,83 +91,11 @@ impl Caller {
     }
 }
 
-/// The name of a map as its tenant knows it.
-pub(in crate::service) fn shown(engine_name: &str) -> &str {
-    engine_name.split_once(SEPARATOR).map_or(engine_name, |(_, name)| name)
-}
-
-/// The error as the map's tenant may read it.
-pub(in crate::service) fn hide_tenant(mut error: EngineError) -> EngineError {
-    for map in maps_of(&mut error).into_iter().flatten() {
-        *map = shown(map).to_owned();
-    }
-    error
-}
-
-/// The maps that an error names.
-pub(in crate::service) fn maps_of(error: &mut EngineError) -> [Option<&mut String>; 2] {
-    let map = match error {
-        EngineError::MergedAway { map, into: other }
-        | EngineError::NotMerged { map, source_map: other } => {
-            return [Some(map), Some(other)];
-        }
-        EngineError::MapNotFound { map }
-        | EngineError::MapExists { map }
-        | EngineError::Poisoned { map }
-        | EngineError::Refused { map, .. }
-        | EngineError::Frozen { map }
-        | EngineError::AnchorInUse { map }
-        | EngineError::NoPlaceRecognition { map }
-        | EngineError::Moving { map }
-        | EngineError::NotAligned { map, .. }
-        | EngineError::CannotMerge { map, .. }
-        | EngineError::RevisionMismatch { map, .. }
-        | EngineError::EpochFenced { map, .. }
-        | EngineError::OptimizationRunning { map }
-        | EngineError::MapLimit { map, .. }
-        | EngineError::RevisionAhead { map, .. }
-        | EngineError::NothingToSolve { map }
-        | EngineError::Cancelled { map }
-        | EngineError::Journal { map, .. }
-        | EngineError::Store(
-            StoreError::UnknownMap { map }
-            | StoreError::MapExists { map }
-            | StoreError::OwnedElsewhere { map, .. }
-            | StoreError::Fenced { map, .. }
-            | StoreError::SequenceMismatch { map, .. }
-            | StoreError::NotReadable { map, .. }
-            | StoreError::Unfit { map, .. }
-            | StoreError::Truncated { map, .. }
-            | StoreError::NoSnapshot { map, .. }
-            | StoreError::Unavailable { map, .. }
-            | StoreError::Failed { map, .. }
-            | StoreError::Later { map, .. }
-            | StoreError::Ambiguous { map, .. }
-            | StoreError::Stopped { map, .. }
-            | StoreError::Damaged { map, .. },
-        ) => Some(map),
-        EngineError::TooLarge { .. } | EngineError::ServerLimit { .. } => None,
-        EngineError::Store(
-            StoreError::File { .. }
-            | StoreError::Content { .. }
-            | StoreError::InUse { .. }
-            | StoreError::NotEmpty { .. },
-        )
-        | EngineError::Solve(_)
-        | EngineError::NoSuchKeyframe { .. }
-        | EngineError::ShuttingDown
-        | EngineError::TenantLimit { .. }
-        | EngineError::Threads { .. }
-        | EngineError::Bug { .. } => None,
-    };
-    [map, None]
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{Caller, hide_tenant, shown};
+    use super::Caller;
     use crate::service::access::Role;
-    use crate::service::engine::EngineError;
+    use crate::service::names::shown;
 
     #[test]
     fn tenants_share_no_names() {
@@ -183,11 +110,5 @@ mod tests {
         check("acme", "house", "acme.house");
         assert!(!Caller::everybody().owns("acme.house"));
         assert!(!Caller::new("t", "acme", Role::Admin).owns("house"));
-    }
-
-    #[test]
-    fn an_error_does_not_tell_the_tenant() {
-        let error = hide_tenant(EngineError::MapNotFound { map: "acme.house".to_owned() });
-        assert_eq!(error.to_string(), "map \"house\" does not exist");
     }
 }

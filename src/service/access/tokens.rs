@@ -24,8 +24,8 @@ use sha2::{Digest, Sha256};
 
 use super::rights::Proof;
 use super::{Caller, Role};
-use crate::service::convert::ids::is_name;
 use crate::service::engine::AccountLimits;
+use crate::service::names::is_name;
 
 /// Longest file, bytes: some 1,700 tokens. The TOML parser may need a hundred times as much memory.
 const MAX_BYTES: usize = 256 << 10;

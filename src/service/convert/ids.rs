@@ -5,13 +5,8 @@
 
 use super::{Path, Violations};
 use crate::map::{EntityId, EntityRef, Map, Reason};
+use crate::service::names::is_name;
 use crate::wire::v1;
-
-/// Whether `text` may be the name of a map, a client, a token or a tenant.
-pub(in crate::service) fn is_name(text: &str) -> bool {
-    let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_' || c == b'-';
-    (1..=63).contains(&text.len()) && text.bytes().all(allowed)
-}
 
 /// A required name of a map or client.
 pub(in crate::service) fn name(at: Path<'_>, name: &str, out: &mut Violations) -> Option<String> {

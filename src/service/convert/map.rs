@@ -11,9 +11,9 @@ use super::{Path, Violations, count, small};
 use crate::map::{
     Counts, Hint, HintKind, Map, MapLimits, MapPolicy, MergedMap, Noise, Reason, WhenFull,
 };
-use crate::service::access::shown;
 use crate::service::engine::{EngineError, MapInfo, MapState, PendingWork, limit_name};
 use crate::service::error::ServiceError;
+use crate::service::names::shown;
 use crate::service::printable::is_printable;
 use crate::store::Durability;
 use crate::wire::v1;

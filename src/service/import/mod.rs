@@ -171,7 +171,7 @@ fn unreadable(path: &str, error: &MapFileError) -> ServiceError {
 
 /// The store takes any text for the name of a client; the wire does not.
 fn clients_are_named(map: &Map, path: &str) -> Result<(), ServiceError> {
-    let bad = map.clients().iter().find(|client| !ids::is_name(&client.name));
+    let bad = map.clients().iter().find(|client| !is_name(&client.name));
     bad.map_or(Ok(()), |client| {
         let text = format!("{path}: {:?} is no name of a client", client.name);
         Err(ServiceError::field("chunk.data", Reason::OutOfRange, text))

@@ -273,7 +273,7 @@ fn tum(building: &mut Building, files: &[File], client: &str) -> Result<(), Serv
         let trajectory = Trajectory::parse(&file.bytes, Path::new(path));
         let trajectory = trajectory.map_err(|error| unreadable(&error))?;
         let name = path.rsplit('/').next().and_then(|name| name.strip_suffix(".tum"));
-        let name = name.filter(|name| ids::is_name(name)).unwrap_or(client);
+        let name = name.filter(|name| is_name(name)).unwrap_or(client);
         if building.map.client_named(name).is_some() {
             return Err(refused(format!("{path}: a file before it has the client {name:?} too")));
         }

@@ -8,13 +8,14 @@ use std::sync::Arc;
 
 use tokio::sync::mpsc;
 
-use super::{JobError, Jobs};
+use super::Jobs;
 use crate::service::access::Caller;
 use crate::service::context::Sink;
 use crate::service::convert::count;
 use crate::service::engine::Resource;
 use crate::service::error::ServiceError;
 use crate::service::export::CHUNK_BYTES;
+use crate::service::job_error::JobError;
 use crate::store::{JobFile, JobFileError};
 use crate::wire::v1;
 use v1::download_job_files_response::Content;

@@ -14,9 +14,10 @@ use tokio::sync::watch;
 
 use super::answer::shorten;
 use super::uploads::{FILE_BYTES, counted};
-use super::{JobError, answer, spec};
+use super::{answer, spec};
 use crate::service::convert::time::timestamp;
 use crate::service::engine::{Cancellation, EngineError, Reservation};
+use crate::service::job_error::JobError;
 use crate::store::{JobFiles, JobRecord, JobUid, JobUpload};
 use crate::sync::Mutex;
 use crate::wire::v1;

@@ -19,7 +19,7 @@ use super::progress::{StagesLeft, TimeLeft};
 use super::reading::admit;
 use super::run::{Made, Run, add_file, next_output, pause};
 use super::uploads::FILE_BYTES;
-use super::{JobError, reading, report};
+use super::{reading, report};
 use crate::evaluation::{EvaluationError, ape, rpe};
 use crate::map::{ClientIndex, LastRequest, Map, Reason};
 use crate::service::access::change;
@@ -35,6 +35,7 @@ use crate::service::engine::{
 };
 use crate::service::error::ServiceError;
 use crate::service::export::{Export, Format, GraphLines, format};
+use crate::service::job_error::JobError;
 use crate::service::optimization_service::{map_options, to_result};
 use crate::store::JobFile;
 use crate::wire::v1;

@@ -29,7 +29,6 @@ mod answer;
 mod checkpoints;
 mod download;
 mod entry;
-mod error;
 mod maps;
 mod meters;
 mod problems;
@@ -60,6 +59,7 @@ use super::context::Context;
 use super::convert::time::timestamp;
 use super::engine::{Accounts, FairQueue, Resource};
 use super::error::ServiceError;
+use super::job_error::JobError;
 use super::random::random_uid;
 use crate::store::{JobFile, JobFiles, JobUid, TaskQueue};
 use crate::sync::Mutex;
@@ -70,7 +70,6 @@ use v1::JobState;
 
 pub(super) use download::download;
 pub(super) use entry::is_ended;
-pub(in crate::service) use error::JobError;
 pub(super) use meters::JobMeters;
 pub(super) use schedule::serve;
 pub(crate) use spec::{kind, maps_of};
@@ -336,7 +335,7 @@ impl Jobs {
         });
         match busy {
             Some((map, job)) => {
-                let map = super::access::shown(&map).to_owned();
+                let map = super::names::shown(&map).to_owned();
                 Err(JobError::MapBusy { map, job })
             }
             None => Ok(()),

@@ -24,10 +24,10 @@ use covis_solvers::io::reading::{Content, FileCounts};
 use covis_solvers::price::{Ceiling, Price};
 use covis_solvers::problem::SolveError;
 
-use super::JobError;
 use super::solving::Format;
 use crate::service::context::Context;
 use crate::service::error::ServiceError;
+use crate::service::job_error::JobError;
 use crate::store::{JobFile, JobFiles, JobUid};
 
 impl Format {

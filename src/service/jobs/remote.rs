@@ -16,12 +16,13 @@ use prost::Message;
 use tokio::io::{AsyncRead, ReadBuf};
 use tokio::sync::mpsc;
 
+use super::Context;
 use super::run::Run;
 use super::solving::{Solved, Task};
 use super::task::{decode_result, encode_task};
-use super::{Context, JobError};
 use crate::service::engine::Resource;
 use crate::service::error::ServiceError;
+use crate::service::job_error::JobError;
 use crate::store::{JobFile, JobFileError, JobFiles, JobUid, TaskError, TaskQueue, TaskState};
 use crate::wire::v1;
 

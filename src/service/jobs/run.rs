@@ -17,12 +17,13 @@ use tonic_types::StatusExt as _;
 
 use super::entry::{Entry, on_disk};
 use super::uploads::{FILE_BYTES, number};
-use super::{Context, JobError, maps, problems, report};
+use super::{Context, maps, problems, report};
 use crate::service::access::Caller;
 use crate::service::convert::count;
 use crate::service::convert::time::timestamp;
 use crate::service::engine::{EngineError, panic_message};
 use crate::service::error::ServiceError;
+use crate::service::job_error::JobError;
 use crate::store::{JobFile, JobFiles, StoreError};
 use crate::wire::v1;
 use v1::JobState;

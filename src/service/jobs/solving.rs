@@ -31,8 +31,8 @@ use serde_json::{Value, json};
 use super::checkpoints::Checkpoints;
 use super::progress::{StagesLeft, TimeLeft};
 use super::reading::admit;
+use super::report;
 use super::uploads::is_plain;
-use super::{JobError, report};
 use crate::service::convert::count;
 use crate::service::convert::solve::{
     add_costs, to_iteration, to_iterations, to_linear_solver, to_reconstruction, to_summary,
@@ -43,6 +43,7 @@ use crate::service::engine::{
 };
 use crate::service::error::ServiceError;
 use crate::service::graph_solve::to_graph_summary;
+use crate::service::job_error::JobError;
 use crate::wire::v1;
 
 /// Most iterations of a solve, as of `covis solve`.

@@ -12,7 +12,7 @@ use tonic::Streaming;
 
 use super::entry::on_disk;
 use super::run::REPORT;
-use super::{JobError, Jobs, Table};
+use super::{Jobs, Table};
 use crate::map::Reason;
 use crate::service::access::Caller;
 use crate::service::context::Context;
@@ -20,6 +20,7 @@ use crate::service::convert::time::timestamp;
 use crate::service::convert::{count, small};
 use crate::service::engine::{Reservation, Resource};
 use crate::service::error::ServiceError;
+use crate::service::job_error::JobError;
 use crate::service::random::random_uid;
 use crate::service::upload::{Chunk, MAX_FILES, Upload, sent_before};
 use crate::store::{JobFile, JobFiles, JobUid, JobUpload};
