@@ -21,11 +21,9 @@
 //! | [`cli`] | one file or folder a subcommand |
 
 pub mod cli;
-pub mod evaluation;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzzing;
-pub mod report;
 pub mod service;
 
 pub use covis_client as client;
@@ -33,6 +31,7 @@ pub use covis_client::wire;
 pub use covis_frontend as frontend;
 pub use covis_map as map;
 pub use covis_map::{loop_closing, place};
+pub use covis_reports::{evaluation, html as report};
 pub use covis_store as store;
 pub use covis_store::meter;
 pub(crate) use covis_store::sync;

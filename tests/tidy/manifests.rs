@@ -69,7 +69,7 @@ fn no_version_is_listed_in_vain() {
 
 #[test]
 fn the_crates_below_stand_without_the_server() {
-    let walls: [(&str, &[&str]); 6] = [
+    let walls: [(&str, &[&str]); 7] = [
         (
             "solvers/Cargo.toml",
             &[
@@ -85,6 +85,7 @@ fn the_crates_below_stand_without_the_server() {
                 "covis-map",
             ],
         ),
+        ("reports/Cargo.toml", &["tokio", "tonic", "prost", "covis ", "covis-map", "covis-client"]),
         ("store/Cargo.toml", &["tonic", "hyper", "covis ", "covis-front"]),
         (
             "map/Cargo.toml",
@@ -209,7 +210,7 @@ fn every_bench_is_listed_by_one_crate() {
 #[test]
 fn the_fuzz_targets_have_the_profiles_and_lints_of_the_root() {
     /// What the targets do not build, and what is compiled for them apart, instrumented.
-    const APART: [&str; 12] = [
+    const APART: [&str; 13] = [
         "async-nats",
         "covis",
         "covis-client",
@@ -217,8 +218,9 @@ fn the_fuzz_targets_have_the_profiles_and_lints_of_the_root() {
         "covis-frontend",
         "covis-fuzz",
         "covis-map",
-        "covis-store",
+        "covis-reports",
         "covis-solvers",
+        "covis-store",
         "criterion",
         "prost-reflect",
         "redb",

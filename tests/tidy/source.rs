@@ -73,7 +73,7 @@ pub(crate) fn files() -> Vec<File> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut paths = Vec::new();
     for room in [
-        "src", "client", "dense", "frontend", "map", "solvers", "store", "proto", "docs", "tests",
+        "src", "client", "dense", "frontend", "map", "reports", "solvers", "store", "proto", "docs", "tests",
         "examples", "benches", "fuzz", "page", "deploy", ".ci",
     ] {
         walk(&root.join(room), &mut paths);

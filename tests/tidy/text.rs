@@ -127,7 +127,7 @@ fn absolute(line: &str, home: &str) -> bool {
 fn spelling_is_american() {
     let mut offenders = Vec::new();
     let rooms = [
-        "src", "client", "dense", "frontend", "map", "solvers", "store", "docs", "proto", "tests",
+        "src", "client", "dense", "frontend", "map", "reports", "solvers", "store", "docs", "proto", "tests",
         "examples", "benches", "fuzz", "python", "page",
     ];
     let read = ["rs", "proto", "md", "toml", "py", "js", "mjs", "css", "html"];
