@@ -22,6 +22,23 @@
 //! | [`Hint`] | mistakes that the data of a client look like |
 //! | [`place`] | the keyframes that may show a place |
 //! | [`loop_closing`] | which of them do |
+//!
+//! | file | role |
+//! |---|---|
+//! | `ids`, `entities`, `observations` | names and content |
+//! | `item`, `edit`, `check`, `rejection` | what may happen, and why not |
+//! | `event`, `fold`, `error` | what happens |
+//! | `covisibility`, `ties`, `observers`, `views` | what is kept by keyframe and landmark |
+//! | `policy`, `usage`, `retirement` | how a map behaves, what it holds, what goes when it is full |
+//! | `gauge`, `window`, `affected`, `rim` | keyframes that nothing moves, what a solve may move, what an edit asks for, what holds a part in place |
+//! | `problem`, `applied`, `meanwhile`, `pending_solve` | from map to problem and back; items whose solves are outstanding |
+//! | `keyframe_pairs`, `triangulation`, `duplicates` | pairs that a pose graph measures, first positions, landmarks that are one point |
+//! | `noise`, `odometry`, `view_noise`, `view_distance`, `noticeable` | how uncertain clients are, by the map's residuals; motions that a measurement can notice |
+//! | `place_searches`, `surroundings` | searches for places; landmarks around a keyframe |
+//! | `merging`, `scaling`, `frames` | maps that become one; units; frames that a correction has left |
+//! | `hints` | mistakes that data look like |
+//! | `digest`, `hash` | what is hashed, and how |
+//! | `numbers`, `sound`, `parts` | possible numbers; a map from outside; a map taken apart |
 
 use std::collections::BTreeMap;
 

@@ -4,6 +4,20 @@
 //! `covis.toml` over defaults), starts logging and hands over to the subcommand. Exit codes: 0 for
 //! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics
 //! here.
+//!
+//! | module | role |
+//! |---|---|
+//! | `serve`, `worker`, `health` | servers and workers |
+//! | `map`, `job`, `replay`, `load` | what calls a server |
+//! | `solve`, `convert`, `eval`, `synth` | files in, files out |
+//! | `run`, `fuse`, `volume`, `bench_frontend`, `demo` | the reference frontend and surfaces; `volume` has `mesh` and `grid` |
+//! | `record` | MCAP recordings |
+//! | `data_dir` | `doctor` and `backup` |
+//! | `config`, `choices`, `formats` | settings, values of flags, formats of files |
+//! | `connect`, `signals` | the connection; interrupts |
+//! | `output`, `progress`, `logging`, `spans`, `advice` | what a user reads |
+//! | `html` | what `--report` of several commands shares |
+//! | `facts` | facts of the build |
 
 mod advice;
 mod bench_frontend;

@@ -19,6 +19,8 @@
 //! | `job_files` | records of jobs, uploads and results |
 //! | `tasks` | work that other processes do |
 //! | `map_file` | a map as a file that can be moved to another server |
+//! | `reader` | a journal, a piece at a time |
+//! | `error`, `meters` | what can go wrong; what a store counts |
 //! | [`meter`] | counters, gauges and histograms as plain atomics, for the store and the server |
 //! | [`sync`] | a mutex without poisoning |
 

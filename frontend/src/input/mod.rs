@@ -3,6 +3,14 @@
 //! A source opens or fails as a whole ([`InputError`]); afterwards each frame is read or reported on
 //! its own ([`FrameError`]), and the next one follows. Nothing here opens the truth that lies beside
 //! a sequence (`groundtruth.txt`, `mask.txt`, `mask/`, poses of 7-Scenes).
+//!
+//! | file | role |
+//! |---|---|
+//! | `folder`, `tum`, `seven_scenes` | a recorded folder, and its layouts |
+//! | `list`, `association`, `timing` | lists of timed files, pairs in time, times of rows and depth |
+//! | `pair`, `decode`, `encode` | one frame from its files; PNG and JPEG |
+//! | `camera_file` | intrinsics of a folder |
+//! | `error` | what is wrong with a source, or with one frame |
 
 mod association;
 pub mod camera_file;

@@ -4,6 +4,14 @@
 //! drawn in any order. `scene` says what stands and moves, `render` casts the rays, `sensor` adds what
 //! a Kinect does to them, `writer` keeps a sequence in the TUM layout.
 //! `corridor` draws nothing: its views are points along a wall, for loads on a server.
+//!
+//! | file | role |
+//! |---|---|
+//! | `scene`, `room`, `figure`, `motion` | solids, people and how the camera moves |
+//! | `solid`, `material`, `render` | shapes, surfaces, rays |
+//! | `sensor`, `writer` | noise and gaps; a TUM folder with the truth |
+//! | `random` | randomness as a hash of the place |
+//! | `corridor` | views without images |
 
 pub mod corridor;
 mod figure;

@@ -5,6 +5,13 @@
 //! around each candidate, and the first one that holds is the place. A verdict is a function of map,
 //! view and candidates. Decision 0025 says what is believed of the odometry. No async and no clock;
 //! nothing is changed here.
+//!
+//! | file | role |
+//! |---|---|
+//! | this | the place of a view, and the closure that a keyframe makes |
+//! | `localization` | where a lost camera is |
+//! | `alignment` | where one map lies in another |
+//! | `path` | what the way between two keyframes excludes |
 
 mod alignment;
 mod localization;

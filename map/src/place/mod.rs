@@ -7,6 +7,13 @@
 //!
 //! Whether a candidate is a loop is not decided here: its matches are where a geometric verification
 //! begins. Knows ids of the map and nothing else of it.
+//!
+//! | file | role |
+//! |---|---|
+//! | `descriptor_index`, `buckets` | the index of one type of descriptor; its hash tables |
+//! | `islands` | keyframes that follow each other in time |
+//! | `matching`, `hamming` | the full comparison of two keyframes |
+//! | `whole_images` | descriptors of whole images |
 
 mod buckets;
 mod descriptor_index;

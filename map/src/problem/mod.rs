@@ -3,6 +3,13 @@
 //! A problem remembers which entity each of its variables is and the revision that it was built
 //! from; [`applied`](super::applied) turns it back into a change once a solver has moved its
 //! values. Nothing is solved here.
+//!
+//! | file | role |
+//! |---|---|
+//! | `bundle`, `region` | windows, whole maps, and what closures moved |
+//! | `graph`, `priors`, `contradiction` | pose graphs, and whether one has anything to correct |
+//! | `reconstructed` | what a reconstruction found |
+//! | `views`, `plausible` | how poses see their landmarks, before and after |
 
 mod bundle;
 mod contradiction;

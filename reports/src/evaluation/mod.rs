@@ -6,6 +6,13 @@
 //! matched poses, without alignment (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM
 //! systems", 2012). Numbers agree with evo 1.38 to rounding. [`rpe_over`] is the drift over a fixed
 //! time, as the TUM scripts count it. Nothing here reads files.
+//!
+//! | file | role |
+//! |---|---|
+//! | `matching`, `statistics` | pairs by timestamp, alignment; the figures of a list of errors |
+//! | `drift` | RPE over a fixed time |
+//! | `mask` | overlap of masks |
+//! | `paper_table` | the figures of the frontend's paper |
 
 mod drift;
 mod mask;

@@ -4,6 +4,22 @@
 //! Landmarks are eliminated one by one; the reduced camera system is solved dense for local windows
 //! and block-sparse past that (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, §6).
 //! The gauge is the caller's: constant poses. Without any, the damping holds it.
+//!
+//! | file | role |
+//! |---|---|
+//! | `sorted`, `layout`, `covisible` | index work, done once: the order of observations, blocks, pairs of views |
+//! | `variables` | variables as the passes read them |
+//! | `observe`, `under_loss` | eight observations at a time, without and with a loss |
+//! | `landmarks`, `inner_iterations` | eight landmarks at a time; landmarks minimized each on its own |
+//! | `accumulate`, `reduce` | the fused pass; from sums of chunks to the reduced camera system |
+//! | `blocks` | blocks and vectors in eights |
+//! | `reduced_solver` | dense, sparse or iterative, chosen by estimated cost |
+//! | `product`, `iterative` | conjugate gradients without the matrix |
+//! | `back_substitute` | landmark steps, and the cost of a state |
+//! | `state_factors` | factors beside observations: relative poses and priors |
+//! | `eliminator`, `system` | all of these for one size of view and observation; as the loop sees them |
+//! | `marginals` | covariances of poses and pairs after a solve |
+//! | `price` | memory and work, known before a solve |
 
 mod accumulate;
 mod back_substitute;

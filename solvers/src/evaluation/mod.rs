@@ -4,6 +4,13 @@
 //! matrices and quaternions here, logarithms and camera models are written out in `reference`,
 //! sums are compensated. It uses the problem's data, `Information::matrix` and the loss
 //! only, and must not call factors or the groups' own operations. One slow loop, no threads.
+//!
+//! | file | role |
+//! |---|---|
+//! | `cost` | costs by kind of factor |
+//! | `residuals`, `lengths` | residuals by what is measured, against their sigmas; the length of each |
+//! | `reference` | residuals and projections by their definitions |
+//! | `sum` | compensated sums |
 
 mod cost;
 mod lengths;

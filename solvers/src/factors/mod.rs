@@ -3,6 +3,12 @@
 //! Observation factors lie in batches, structures of arrays that one monomorphic loop linearizes.
 //! Residual = predicted − measured, whitened by the factor's own sigmas. Poses are updated on the
 //! right, `T ⊞ δ = T · Exp(δ)`, δ = (translation, rotation). Losses are applied by the caller.
+//!
+//! | file | role |
+//! |---|---|
+//! | `reprojection` | a landmark at a pixel, without or with depth |
+//! | `relative_pose` | between two poses of any group |
+//! | `prior` | on a pose, or on a position |
 
 mod prior;
 mod relative_pose;

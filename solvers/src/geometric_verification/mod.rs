@@ -8,6 +8,14 @@
 //! it the error is several times what the fit claims. What is left after that is doubt (`spread`): too little
 //! evidence of its own, or a part of the image alone that agrees. Reads no map, and gives the same on any
 //! threads.
+//!
+//! | file | role |
+//! |---|---|
+//! | `sampling`, `consensus` | LO-RANSAC by weights, from a seed |
+//! | `guided` | matches that the pose finds |
+//! | `checks` | chance, degenerate scenes, a second pose, the odometry |
+//! | `patches`, `spread` | matches that are evidence of their own; how much of what a pose shows agrees |
+//! | `refusal` | the reasons, a closed list with names |
 
 mod checks;
 mod consensus;

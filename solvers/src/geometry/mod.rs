@@ -3,6 +3,14 @@
 //! Transforms are named `target_from_source` and updated on the right, `T ⊞ δ = T · Exp(δ)`.
 //! Tangent order is translation first, then rotation (then log scale). This floor knows nothing
 //! of factors or problems.
+//!
+//! | file | role |
+//! |---|---|
+//! | `lie_group`, `rigid_motion`, `operators` | what the groups have in common |
+//! | `so2`, `se2`, `so3`, `se3`, `sim3` | the groups |
+//! | `coefficients`, `scale_integral` | functions with series near zero |
+//! | `camera` | models behind `CameraModel`; `free` has the parameters that a solve may move |
+//! | `geodetic` | WGS 84 and local frames |
 
 pub mod camera;
 mod coefficients;

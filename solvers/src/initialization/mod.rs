@@ -2,6 +2,13 @@
 //!
 //! Triangulation, P3P, and starts of pose graphs; bringing a start to the optimum is done on higher
 //! floors.
+//!
+//! | file | role |
+//! |---|---|
+//! | `triangulation` | points from views |
+//! | `p3p` | a pose from three points |
+//! | `spanning_tree`, `chordal` | starts of pose graphs |
+//! | `start`, `alignment` | the choice between them; a whole piece brought to its priors |
 
 mod alignment;
 mod chordal;

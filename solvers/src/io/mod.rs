@@ -7,6 +7,17 @@
 //! nothing from a count that the file has not proven, and name line or byte of what they refuse.
 //! Writers come thrice: to a file, to bytes for a caller without a file system, and record by record
 //! (`put_…`) for one that does not hold the whole either.
+//!
+//! | file | role |
+//! |---|---|
+//! | `bal`, `bundler`, `colmap` | bundle adjustment problems |
+//! | `sparse_model`, `down_z` | the way between these; cameras that look down −z |
+//! | `g2o` | pose graphs |
+//! | `trajectory`, `pose_matrix` | TUM, KITTI and EuRoC; one matrix a file |
+//! | `ply` | written only |
+//! | `format` | the list of formats, and how one is recognized |
+//! | `reading` | memory of a reading, before it |
+//! | `text`, `binary`, `files`, `rotation`, `natural_order`, `error` | what readers and writers share |
 
 pub mod bal;
 mod binary;

@@ -11,6 +11,17 @@
 //!
 //! This floor knows nothing of poses, factors or losses. The sparse factorization uses the rayon
 //! pool that it is called on; all give the same bits each time, on any number of threads.
+//!
+//! | file | role |
+//! |---|---|
+//! | `error`, `checked` | what can go wrong; checks of the matrix and of each solution |
+//! | `ordering/graph`, `elimination` | the block graph, and elimination of it in a given order |
+//! | `ordering/minimum_degree` | approximate minimum degree |
+//! | `ordering/dissection`, `multilevel`, `refinement` | nested dissection and its separators |
+//! | `sparse/supernodes`, `plan`, `shape`, `workspace` | structure and memory, computed once |
+//! | `sparse/front`, `columns`, `kernels` | dense work in a front |
+//! | `sparse/numeric`, `triangular` | the factorization; solves with the factor |
+//! | `sparse/growing` | a factorization that grows and pays for what changed |
 
 mod checked;
 pub mod cholesky;

@@ -3,6 +3,12 @@
 //! The loop never sees a matrix. A system linearizes at its state, solves for a damping, applies or
 //! restores a step; the loop decides. Every run ends in a [`SolveSummary`] with an honest
 //! [`Termination`], and the system is left at the best state that was found.
+//!
+//! | file | role |
+//! |---|---|
+//! | `system` | the trait: linearize, solve for a damping, apply, restore |
+//! | `trust_region` | the loop; with losses also a moving bound of their curvature, inner iterations and longer steps (decision 0021) |
+//! | `options`, `summary` | how to solve, and what happened |
 
 mod options;
 mod summary;

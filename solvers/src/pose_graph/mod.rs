@@ -4,6 +4,14 @@
 //! constant. The normal equations are block-sparse with one block row a pose; Gauss-Newton or
 //! Levenberg-Marquardt steps come from their Cholesky factorization. This file holds the facade;
 //! [`crate::evaluation`] computes the same cost without anything from here.
+//!
+//! | file | role |
+//! |---|---|
+//! | `assembly`, `system` | normal equations; the graph as the loop sees it |
+//! | `priors` | what priors add |
+//! | `growing` | a graph that is at a minimum after each update |
+//! | `undetermined` | poses that the factors leave open, and in which directions |
+//! | `covariance` | of points that are measured |
 
 mod assembly;
 mod covariance;

@@ -3,6 +3,12 @@
 //! A problem is plain data. [`BundleProblem`] holds poses, cameras and landmarks; [`PoseGraph`]
 //! holds poses of one group. `validate` names the first variable or factor that makes a problem
 //! unsolvable as posed; how to solve it stands on higher floors.
+//!
+//! | file | role |
+//! |---|---|
+//! | `bundle`, `pose_graph` | the problems |
+//! | `pose_factors`, `rigidity`, `disjoint_sets` | checks of them: factors of poses, poses that are determined, pieces |
+//! | `error` | why a problem cannot be solved as posed |
 
 mod bundle;
 mod disjoint_sets;

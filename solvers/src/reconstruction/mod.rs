@@ -17,6 +17,17 @@
 //! What could not be placed is an outcome, named for each keyframe ([`Unplaced`]), as is an end before the
 //! time. Bits do not depend on the number of threads. A caller takes the result over with
 //! [`Reconstruction::apply_to`], which leaves a problem of what agrees.
+//!
+//! | file | role |
+//! |---|---|
+//! | `pipeline`, `refinement` | the order of the stages, the clock, the reasons |
+//! | `bearings` | observations as rays |
+//! | `view_graph` | pairs that are worth measuring |
+//! | `relative_poses`, `two_views`, `five_point`, `real_roots` | relative poses from rays |
+//! | `resection` | a pose from points |
+//! | `rotations`, `positions` | rotation averaging, global positioning |
+//! | `points`, `adjustment` | points and bundle adjustment in turns |
+//! | `frame` | scale and frame |
 
 mod adjustment;
 mod bearings;

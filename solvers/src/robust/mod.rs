@@ -8,6 +8,15 @@
 //! off, `candidates` begins again with more of them and keeps the better result. This file holds what
 //! they share; `variance` finds how far the stated information may be believed. All of it is a function
 //! of what was measured. It solves through [`crate::pose_graph`] and must not weight odometry.
+//!
+//! | file | role |
+//! |---|---|
+//! | `chain`, `contraction`, `bending` | the odometry of a graph; the graph without poses that have only odometry; poses along a row of steps whose end is known |
+//! | `screening` | closures beside their neighbors and the odometry |
+//! | `graduated` | weights of graduated non-convexity |
+//! | `judging`, `candidates` | the stages, and the results to choose from |
+//! | `variance`, `edge_variance` | how far stated information may be believed |
+//! | `positions` | false position priors |
 
 mod bending;
 mod candidates;

@@ -3,6 +3,13 @@
 //! Opens the source, starts a server in this process or connects to one, and writes what the run
 //! left, a mesh where one is asked for. Truth that lies beside a sequence is never opened. Tracking
 //! and mapping are [`crate::frontend`]'s.
+//!
+//! | file | role |
+//! |---|---|
+//! | `source`, `masks` | where frames and given masks come from |
+//! | `dense` | the surface beside tracking |
+//! | `interrupt` | ctrl-C and SIGTERM |
+//! | `report`, `page` | what a run leaves |
 
 pub(super) mod dense;
 mod interrupt;

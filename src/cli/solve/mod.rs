@@ -4,6 +4,13 @@
 //! initialization, ordering and thread start are counted. The solvers' own clock starts at their
 //! call; [`report::Report`] adds what came before. This room reads files, measures times and writes
 //! reports; nothing is solved in it.
+//!
+//! | file | role |
+//! |---|---|
+//! | `bundle`, `rebuild` | bundle adjustment, and poses and points from the observations |
+//! | `pose_graph`, `incremental` | g2o files, as a whole or vertex by vertex |
+//! | `arguments` | flags that both share |
+//! | `report`, `residuals`, `graph_details`, `graph_page` | what is printed, and the pages |
 
 mod arguments;
 mod bundle;

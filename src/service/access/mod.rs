@@ -5,6 +5,14 @@
 //! are listed in a file (`tokens`) or signed by an issuer (`jwt`, `jwks`); without either everybody
 //! is an administrator of the default tenant. `rights` checks streams while they are open. No token
 //! is logged or kept: only digests are compared.
+//!
+//! | module | role |
+//! |---|---|
+//! | `guard` | admits requests |
+//! | `tokens`, `jwt`, `jwks` | tokens in a file; signed tokens and their keys |
+//! | `roles`, `tenants` | the calls of each role; whose maps a caller sees |
+//! | `rights` | whether an open stream may continue |
+//! | `audit` | the record of deletions |
 
 mod audit;
 #[cfg(any(test, feature = "fuzzing"))]

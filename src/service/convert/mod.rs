@@ -5,6 +5,13 @@
 //! checked without the map is checked here: presence, finite numbers, ranges, units, lengths,
 //! definiteness, enum values. Outward conversions cannot fail. No other mathematics, no engine, no
 //! status codes.
+//!
+//! | file | role |
+//! |---|---|
+//! | `item`, `edit`, `camera` | items of an ingest stream |
+//! | `geometry`, `ids`, `time` | values that many messages share |
+//! | `map`, `update`, `merge`, `entities`, `trajectory` | maps, their changes and their content |
+//! | `problem`, `solve` | problems that come with a call; options and certificates |
 
 pub(super) mod camera;
 mod edit;

@@ -23,7 +23,7 @@
 //! | `store` | what every store does, for the maps of a directory |
 //! | `folders`, `changes` | what the folders in `maps/` are; creating and deleting maps |
 //! | `record`, `sealed` | the bytes of journals, and of files that are written once |
-//! | `jobs` | the folders of jobs |
+//! | `jobs`, `job_copies` | the folders of jobs; copies of them without a server |
 //! | `load` | opening a map's folder |
 //! | `read` | reading events and snapshots, whole or a piece at a time |
 //! | `journal`, `writer` | a map's journal: order, groups, the mark; writing them, healing, making durable what was found |

@@ -4,6 +4,12 @@
 //! at pixel centers. Points behind a pinhole project too, since BAL counts them: whoever cares
 //! about cheirality checks z. [`CameraModel`] is the static interface for hot loops, [`Camera`]
 //! the closed set of models for storage and mixed problems.
+//!
+//! | file | role |
+//! |---|---|
+//! | `pinhole`, `kannala_brandt`, `snavely` | the models |
+//! | `radial` | the inverse of a radial distortion |
+//! | `free` | which parameters are free, and which share one unknown |
 
 mod free;
 mod kannala_brandt;
