@@ -10,6 +10,8 @@ mod book;
 mod edges;
 #[path = "tidy/engine.rs"]
 mod engine;
+#[path = "tidy/extending.rs"]
+mod extending;
 #[path = "tidy/manifests.rs"]
 mod manifests;
 #[path = "tidy/source.rs"]

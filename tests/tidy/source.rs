@@ -71,13 +71,11 @@ impl File {
 /// The text files below the workspace's root that are the project's own.
 pub(crate) fn files() -> Vec<File> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = files_below(&[
+        "src", "client", "dense", "frontend", "map", "reports", "solvers", "store", "proto", "docs",
+        "tests", "examples", "benches", "fuzz", "page", "deploy", ".ci",
+    ]);
     let mut paths = Vec::new();
-    for room in [
-        "src", "client", "dense", "frontend", "map", "reports", "solvers", "store", "proto", "docs", "tests",
-        "examples", "benches", "fuzz", "page", "deploy", ".ci",
-    ] {
-        walk(&root.join(room), &mut paths);
-    }
     for path in fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path()) {
         let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let known = ["rs", "toml", "md"].iter().any(|e| path.extension().is_some_and(|x| x == *e));
@@ -86,7 +84,24 @@ pub(crate) fn files() -> Vec<File> {
         }
     }
     assert!(!paths.is_empty(), "{} holds no files of the project", root.display());
+    found.extend(read(&paths));
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    found
+}
+
+/// The text files in some folders below the workspace's root, without those that are made.
+pub(crate) fn files_below(rooms: &[&str]) -> Vec<File> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut paths = Vec::new();
+    for room in rooms {
+        walk(&root.join(room), &mut paths);
+    }
     paths.sort();
+    read(&paths)
+}
+
+fn read(paths: &[PathBuf]) -> Vec<File> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let own = |path: &PathBuf| {
         let text = String::from_utf8(fs::read(path).ok()?).ok()?;
         let path = path.strip_prefix(root).ok()?.to_string_lossy().replace('\\', "/");
