@@ -79,7 +79,14 @@ const ROOMS: [Room; 23] = [
     Room {
         rooms: &["src"],
         except: &["src/lib"],
-        forbidden: &["covis_client", "covis_dense", "covis_frontend", "covis_map", "covis_reports", "covis_store"],
+        forbidden: &[
+            "covis_client",
+            "covis_dense",
+            "covis_frontend",
+            "covis_map",
+            "covis_reports",
+            "covis_store",
+        ],
         but: &[],
         why: "here their names are crate::client, crate::wire, crate::frontend, crate::map and crate::store, which the walls know",
     },

@@ -72,8 +72,8 @@ impl File {
 pub(crate) fn files() -> Vec<File> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut found = files_below(&[
-        "src", "client", "dense", "frontend", "map", "reports", "solvers", "store", "proto", "docs",
-        "tests", "examples", "benches", "fuzz", "page", "deploy", ".ci",
+        "src", "client", "dense", "frontend", "map", "reports", "solvers", "store", "proto",
+        "docs", "tests", "examples", "benches", "fuzz", "page", "deploy", ".ci",
     ]);
     let mut paths = Vec::new();
     for path in fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path()) {

@@ -127,8 +127,8 @@ fn absolute(line: &str, home: &str) -> bool {
 fn spelling_is_american() {
     let mut offenders = Vec::new();
     let rooms = [
-        "src", "client", "dense", "frontend", "map", "reports", "solvers", "store", "docs", "proto", "tests",
-        "examples", "benches", "fuzz", "python", "page",
+        "src", "client", "dense", "frontend", "map", "reports", "solvers", "store", "docs",
+        "proto", "tests", "examples", "benches", "fuzz", "python", "page",
     ];
     let read = ["rs", "proto", "md", "toml", "py", "js", "mjs", "css", "html"];
     for file in files() {
