@@ -70,7 +70,7 @@ impl Localizer {
             ..v1::LocalizeRequest::default()
         };
         self.call =
-            Some(Box::pin(localize(self.client.clone(), request, (question.number, self.pause))));
+            Some(Box::pin(localize(self.client.clone(), request, question.number, self.pause)));
     }
 
     /// The next answer; waits without end while there is no question. Safe to cancel.
@@ -88,7 +88,8 @@ impl Localizer {
 async fn localize(
     client: Client,
     request: v1::LocalizeRequest,
-    (number, pause): (u64, Duration),
+    number: u64,
+    pause: Duration,
 ) -> Located {
     match client.localize(request).await {
         Ok(found) => {

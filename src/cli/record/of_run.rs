@@ -46,7 +46,8 @@ impl RunRecording {
     /// Opens the recording of a map that a run of `client_id` is going to fill.
     pub(in crate::cli) async fn start(
         client: &Client,
-        (map, client_id): (&str, &str),
+        map: &str,
+        client_id: &str,
         path: &Path,
         lock_step: bool,
     ) -> anyhow::Result<Self> {

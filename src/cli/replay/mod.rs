@@ -110,7 +110,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
     let work = async {
         let client = connect_patiently(config, retry).await?;
         prepare_map(&client, &map_id, args, retry).await?;
-        let report = stream(&client, (&map_id, &stem), retry, recording, args, &levels).await?;
+        let report = stream(&client, &map_id, &stem, retry, recording, args, &levels).await?;
         for rejected in report.rejections.iter().take(SHOWN_REJECTIONS) {
             let violations: Vec<String> =
                 rejected.violations.iter().map(describe_violation).collect();
@@ -191,7 +191,8 @@ async fn create_map(
 /// Sends all items and waits for every ack.
 async fn stream(
     client: &Client,
-    (map_id, client_id): (&str, &str),
+    map_id: &str,
+    client_id: &str,
     retry: RetryPolicy,
     recording: &Recording,
     args: &Args,

@@ -254,7 +254,7 @@ pub(super) async fn sequence(
         .with_context(|| format!("map {map} (--map names another)"))?;
     let recording = match &options.recording {
         Some(path) => {
-            Some(RunRecording::start(client, (map, CLIENT), path, options.lock_step).await?)
+            Some(RunRecording::start(client, map, CLIENT, path, options.lock_step).await?)
         }
         None => None,
     };

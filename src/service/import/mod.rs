@@ -21,6 +21,7 @@ use super::convert::{Path, convert, ids};
 use super::engine::{EngineError, ImportRoom, ImportedAs};
 use super::error::ServiceError;
 use super::export::{Format, read_format};
+use super::names::is_name;
 use crate::map::{Map, MapPolicy, Reason};
 use crate::store::{MapFileError, read_map_file};
 use crate::wire::v1;

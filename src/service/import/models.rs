@@ -21,10 +21,10 @@ use crate::map::{
     Change, ClientIndex, ConstraintKind, EntityRef, Event, Item, ItemLandmark, ItemObservation,
     Map, MapError, MapPolicy, Reason, Usage,
 };
-use crate::service::convert::ids;
 use crate::service::engine::ImportRoom;
 use crate::service::error::ServiceError;
 use crate::service::export::Format;
+use crate::service::names::is_name;
 
 /// Standard deviation of a pixel coordinate where a format has none, px.
 const SIGMA_PX: f64 = 1.0;

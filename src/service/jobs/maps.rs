@@ -92,7 +92,8 @@ fn lost(
 /// Solves a map as soon as no call does, once for each job; `on_step` sees its steps.
 async fn solved(
     run: &Run<'_>,
-    (map_id, options): (&str, OptimizeOptions),
+    map_id: &str,
+    options: OptimizeOptions,
     phase: &str,
     mut on_step: impl FnMut(SolveStep),
 ) -> Result<SolvedMap, ServiceError> {
@@ -154,7 +155,7 @@ pub(super) async fn optimize(
             progress.time_left_s = time_left_s;
         });
     };
-    let outcome = match solved(run, (&map_id, options), "optimizes the map", on_step).await? {
+    let outcome = match solved(run, &map_id, options, "optimizes the map", on_step).await? {
         SolvedMap::Now(outcome) => outcome,
         SolvedMap::Before(applied) => {
             return Ok(lost(&map_id, &applied, |revision, summary| {
@@ -190,7 +191,7 @@ pub(super) async fn rebuild(run: &Run<'_>, map_id: &str) -> Result<Made, Service
             run.tell(|progress| stages.show(&step, "rebuilds the map", progress));
         }
     };
-    let outcome = match solved(run, (map_id, options), "rebuilds the map", on_step).await? {
+    let outcome = match solved(run, map_id, options, "rebuilds the map", on_step).await? {
         SolvedMap::Now(outcome) => outcome,
         SolvedMap::Before(applied) => {
             return Ok(lost(map_id, &applied, |revision, summary| {

@@ -77,7 +77,7 @@ pub(super) async fn solve(
         task: name.clone(),
         inputs: inputs.len(),
     };
-    match given(run, queue.as_ref(), (&name, task), inputs).await? {
+    match given(run, queue.as_ref(), &name, task, inputs).await? {
         Ok(Some(result)) => {
             let account = run.context.maps.pool().accounts().tenant(&run.entry.key.0);
             // The message, and what it holds.
@@ -110,7 +110,8 @@ pub(super) async fn solve(
 async fn given(
     run: &Run<'_>,
     queue: &dyn TaskQueue,
-    (name, task): (&str, &Task),
+    name: &str,
+    task: &Task,
     inputs: &[u32],
 ) -> Result<Result<Option<Vec<u8>>, TaskError>, ServiceError> {
     let (known, has_workers) = match tokio::join!(queue.state(name), queue.has_workers()) {
@@ -126,7 +127,7 @@ async fn given(
     loop {
         if !is_given {
             run.tell(|progress| progress.phase = WAITS.to_owned());
-            match give(run, queue, (name, task), inputs, has_inputs).await? {
+            match give(run, queue, name, task, inputs, has_inputs).await? {
                 Ok(()) => is_given = true,
                 Err(error) => tracing::warn!(job = run.entry.id(), %error, "not given away yet"),
             }
@@ -193,7 +194,8 @@ fn show(run: &Run<'_>, attempts: u32, told: &[u8]) {
 async fn give(
     run: &Run<'_>,
     queue: &dyn TaskQueue,
-    (name, task): (&str, &Task),
+    name: &str,
+    task: &Task,
     inputs: &[u32],
     has_inputs: bool,
 ) -> Result<Result<(), TaskError>, ServiceError> {

@@ -162,7 +162,7 @@ pub(super) async fn solve(
     let work = move || {
         let solved = match source {
             Source::Graph(graph) => {
-                solve_graph(*graph, (&path, options.keep), ceiling, &cancellation, &mut tell)
+                solve_graph(*graph, &path, options.keep, ceiling, &cancellation, &mut tell)
             }
             source @ (Source::Bal(_) | Source::Colmap(..)) => solve_bundle(
                 (source, problem),
@@ -395,7 +395,8 @@ fn reconstructed(
 
 fn solve_graph(
     mut file: G2oGraph,
-    (path, keep): (&str, bool),
+    path: &str,
+    keep: bool,
     ceiling: Ceiling,
     cancellation: &Cancellation,
     tell: &mut (dyn FnMut(&SolveStep) + Send),

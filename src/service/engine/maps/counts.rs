@@ -27,7 +27,7 @@ pub struct MapCounts {
 
 impl MapCounts {
     /// Adds a map with how many items wait in its queue, and for how many it has room.
-    pub(super) fn add(&mut self, map: &MapContext, (queued, capacity): (usize, usize)) {
+    pub(super) fn add(&mut self, map: &MapContext, queued: usize, capacity: usize) {
         match *map.condition() {
             Condition::Open if map.frozen.load(Ordering::Relaxed) => self.frozen += 1,
             Condition::Open => self.open += 1,

@@ -286,7 +286,7 @@ impl Maps {
         for handle in self.list() {
             let capacity = handle.items.max_capacity();
             let queued = capacity - handle.items.capacity().min(capacity);
-            counts.add(&handle.shared, (queued, capacity));
+            counts.add(&handle.shared, queued, capacity);
         }
         counts
     }

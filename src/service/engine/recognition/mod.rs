@@ -107,7 +107,7 @@ impl Recognition {
             }
             let search = |(asked, keyframe)| {
                 let started = std::time::Instant::now();
-                let found = find(&map, &places, (keyframe, asked), &interrupt);
+                let found = find(&map, &places, keyframe, asked, &interrupt);
                 meters.place_search_ns.observe_time(started.elapsed());
                 found
             };
@@ -120,7 +120,8 @@ impl Recognition {
 fn find(
     map: &Map,
     places: &Places,
-    (keyframe, asked): (EntityId, i64),
+    keyframe: EntityId,
+    asked: i64,
     interrupt: &Interrupt,
 ) -> SearchResult {
     let refused = |refusal| PlaceSearch { refusal: Some(refusal), ..PlaceSearch::default() };
