@@ -248,3 +248,19 @@ fn the_fuzz_targets_have_the_profiles_and_lints_of_the_root() {
     offenders.extend(lacks(&fuzz, &root, "Cargo.toml"));
     report("The root's profiles and lints are those of the fuzz targets.", &offenders);
 }
+
+/// A crate that is not named there is fuzzed blindly: the fuzzer sees none of its branches.
+#[test]
+fn what_is_fuzzed_is_instrumented() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let instrument = std::fs::read_to_string(root.join("fuzz/instrument")).unwrap_or_default();
+    let mut offenders = Vec::new();
+    for manifest in manifests() {
+        let Some(name) = manifest.path.strip_suffix("/Cargo.toml") else { continue };
+        let has_targets = manifest.text.lines().any(|line| line.starts_with("fuzzing = "));
+        if has_targets && !instrument.contains(&format!("--crate-name covis_{name} ")) {
+            offenders.push(format!("{}: not in fuzz/instrument", manifest.path));
+        }
+    }
+    report("Every crate with the feature `fuzzing` is instrumented.", &offenders);
+}
