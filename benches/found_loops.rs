@@ -6,7 +6,7 @@
 //! places from the last keyframes on, each of which shows a place of the first lap. A wait is from the
 //! call of `send` of such a keyframe to the delta that says that the map is corrected, in a client
 //! that watches over a loopback port: transport, journal, index, verification, judgment, solve, delta.
-//! The first wait, which also makes the index, is told apart.
+//! The first wait, which also makes the index, is a row of its own.
 
 #![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
 

@@ -83,8 +83,7 @@ pub fn retire_redundant(map: &Map, keyframe: EntityId, share: f64) -> Option<Ret
 }
 
 fn is_redundant(map: &Map, id: EntityId, share: f64) -> bool {
-    let sees = map.keyframes().get(&id).is_some_and(|keyframe| !keyframe.observations.is_empty());
-    sees && well_seen(map, id) as f64 >= 1000.0 * share
+    map.sees(id) && well_seen(map, id) as f64 >= 1000.0 * share
 }
 
 /// The keyframes that may be removed, oldest first.

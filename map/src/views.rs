@@ -58,6 +58,11 @@ impl Map {
         view.into_iter()
     }
 
+    /// Whether a keyframe of the map observes anything.
+    pub fn sees(&self, keyframe: EntityId) -> bool {
+        self.keyframes().get(&keyframe).is_some_and(|k| !k.observations.is_empty())
+    }
+
     /// The images that a camera captured, each with the id of its keyframe, by that id.
     pub fn views_of_camera(&self, camera: EntityId) -> impl Iterator<Item = (EntityId, View<'_>)> {
         let of_keyframe = |(&id, keyframe)| self.views(keyframe).map(move |view| (id, view));

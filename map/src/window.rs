@@ -144,16 +144,23 @@ fn add_blind(map: &Map, carried: &BTreeSet<EntityId>, free: &mut BTreeSet<Entity
     }
 }
 
-/// The keyframes of `waiting`, and those without views among them, behind which, in their trajectories, there
-/// are only others of them.
+/// The keyframes of `waiting` behind which, in their trajectories, there are only others of them and keyframes
+/// without views; and those of the latter that are behind one of them.
 fn tails(map: &Map, waiting: &BTreeSet<EntityId>) -> BTreeSet<EntityId> {
     let clients: BTreeSet<ClientIndex> = waiting.iter().map(|id| id.client).collect();
     let mut tails = BTreeSet::new();
     for client in clients {
         let mut next = map.last_keyframe(client);
-        let sees = |id| map.keyframes().get(&id).is_some_and(|k| !k.observations.is_empty());
-        while let Some(id) = next.filter(|&id| waiting.contains(&id) || !sees(id)) {
-            tails.insert(id);
+        let mut without_views = Vec::new();
+        while let Some(id) = next {
+            if waiting.contains(&id) {
+                tails.extend(without_views.drain(..));
+                tails.insert(id);
+            } else if !map.sees(id) {
+                without_views.push(id);
+            } else {
+                break;
+            }
             next = map.keyframe_before(id).map(|(before, _)| before);
         }
     }

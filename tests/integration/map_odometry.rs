@@ -201,6 +201,28 @@ fn keyframes_that_see_nothing_move_with_those_beside_them() {
 }
 
 #[test]
+fn keyframes_without_views_are_free_before_one_that_waits_and_go_along_behind_it() {
+    let mut journal = street(3, MapPolicy::default());
+    // 3, 4 and 6 see nothing; 5 and 7 wait.
+    for k in 3..8 {
+        let mut item = street_keyframe(k, pose_at(k as f64), &journal.map);
+        if [3, 4, 6].contains(&k)
+            && let Item::Keyframe { observations, landmarks, .. } = &mut item
+        {
+            observations.clear();
+            landmarks.clear();
+        }
+        journal.send(ROBOT, &item).unwrap();
+    }
+    let window = choose_window(&journal.map, &[id(5)], &[5, 7].map(id).into());
+    assert_eq!(window.carried, [6, 7].map(id).into());
+    assert!([3, 4].map(id).iter().all(|blind| window.free.contains(blind)), "{window:?}");
+    // The last ones go along with nothing that waits.
+    let window = choose_window(&journal.map, &[id(2)], &BTreeSet::new());
+    assert!(window.carried.is_empty(), "{window:?}");
+}
+
+#[test]
 fn the_whole_map_is_tied_by_odometry_but_for_where_it_began_anew() {
     let policy = MapPolicy::default();
     let mut journal = street(3, policy);

@@ -48,7 +48,7 @@ fn recipes(page: &str) -> Vec<Recipe> {
         .collect()
 }
 
-/// Whether `word` stands in `text` with no letter, digit or underscore beside it.
+/// Whether `text` has `word` with no letter, digit or underscore beside it.
 fn has_word(text: &str, word: &str) -> bool {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     text.match_indices(word).any(|(at, _)| {

@@ -178,9 +178,10 @@ impl Map {
     /// The loop closures that count and whose places were not compared, by id. Where a keyframe sees
     /// nothing there is nothing to compare.
     pub fn uncompared_closures(&self) -> impl Iterator<Item = EntityId> + '_ {
-        let sees = |id| self.parts.keyframes.get(&id).is_some_and(|k| !k.observations.is_empty());
         let closures = self.active_constraints().filter(move |(_, constraint)| {
-            constraint.is_closure() && sees(constraint.keyframe_i) && sees(constraint.keyframe_j)
+            constraint.is_closure()
+                && self.sees(constraint.keyframe_i)
+                && self.sees(constraint.keyframe_j)
         });
         closures.map(|(id, _)| id).filter(|id| !self.parts.duplicates.compared.contains(id))
     }

@@ -35,7 +35,7 @@ pub enum OptimizeProblem {
     Rebuild,
 }
 
-/// What a solve on request tells while it runs.
+/// What a solve on request reports while it runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SolveStep {
     /// An iteration of its last solve.

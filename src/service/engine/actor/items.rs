@@ -156,8 +156,7 @@ impl Actor {
         let (graph, window, seen) = match request {
             // Without views nothing measures a keyframe but odometry, which has put it there.
             SolveRequest::Views(id) => {
-                let sees =
-                    self.map.keyframes().get(&id).is_some_and(|k| !k.observations.is_empty());
+                let sees = self.map.sees(id);
                 (None, (local_bundle && sees).then(|| Task::around(id)), Some(id))
             }
             SolveRequest::LoopClosure => (loop_closure.then_some(Task::Loop), None, None),

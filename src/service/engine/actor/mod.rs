@@ -82,7 +82,7 @@ pub(crate) struct Actor {
     pub(crate) handled: usize,
     /// Whether the last step answered a request.
     pub(crate) answered: bool,
-    /// Dropped when the engine ends, which tells whoever waits for that. Not empty once it was asked to
+    /// Dropped when the engine ends, which wakes whoever waits for that. Not empty once it was asked to
     /// stop.
     pub(crate) closing: Vec<oneshot::Sender<()>>,
 }

@@ -2,7 +2,7 @@
 //!
 //! The engine does not wait for fsync: an event is appended, applied and acknowledged as RECEIVED.
 //! Its DURABLE ack waits here until the journal reports that the event is on disk. Watchers get no
-//! change that a crash could still undo (`handle.rs`). When the journal fails, events that are
+//! change that a crash could still undo (`MapHandle::durable`). When the journal fails, events that are
 //! applied but not durable get no DURABLE ack.
 
 use std::collections::{BTreeMap, VecDeque};
