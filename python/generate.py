@@ -130,7 +130,7 @@ def callable_twin(node: ast.FunctionDef | ast.AsyncFunctionDef, owner: str) -> l
         returns = returns.removeprefix("Async")
         call = f"iterate({call})"
     elif isinstance(node, ast.AsyncFunctionDef):
-        call = f"run({call})"
+        call = f"run(lambda: {call})"
     if returns in TWINS:
         call = f"{returns}({call})"
     lines = ["@property"] if is_property else []

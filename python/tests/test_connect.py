@@ -1,15 +1,18 @@
 """How a program reaches a server: addresses, tokens, a server of its own."""
 
+import gc
 import hashlib
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import warnings
 
 import covis
 import pytest
 from conftest import Server
+from covis import _loop
 
 
 @pytest.mark.parametrize("url", ["nonsense", "ftp://a:1", "http://", "http://a:port", "http://a:1/path"])
@@ -143,6 +146,21 @@ if sys.argv[1] != "ends":
     session.wait_optimized()
     watched.wait(10**9)
 """
+
+
+def test_an_interrupt_before_a_call_has_begun_leaves_nothing_that_is_never_awaited(server, monkeypatch):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    with covis.connect(server.url) as client, warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        with monkeypatch.context() as patched:
+            patched.setattr(_loop, "_running", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                client.list_maps()
+        gc.collect()
+        assert client.list_maps() == []
+    assert [str(warning.message) for warning in found if "awaited" in str(warning.message)] == []
 
 
 @pytest.mark.parametrize("how", ["ends", "waits", "is interrupted in another thread"])

@@ -10,7 +10,7 @@ import atexit
 import concurrent.futures
 import os
 import threading
-from collections.abc import AsyncIterator, Coroutine, Iterator
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from typing import Any, Generic, Protocol, TypeVar
 
 T = TypeVar("T")
@@ -32,14 +32,39 @@ _loop: asyncio.AbstractEventLoop | None = None
 _thread: threading.Thread | None = None
 
 
-def run(work: Coroutine[Any, Any, T]) -> T:
-    """Runs a coroutine on the package's loop and waits for it. An interrupt cancels it."""
+def run(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
+    """Runs what `work` begins on the package's loop and waits for it. An interrupt cancels it.
+
+    The loop's thread makes the coroutine, because an interrupt may come before each line here: it leaves
+    nothing behind that is never awaited.
+    """
     loop = _running()
     if threading.current_thread() is _thread:
-        work.close()
         raise RuntimeError("a callback must not call blocking methods: it would wait for itself")
-    future = asyncio.run_coroutine_threadsafe(work, loop)
+    future: concurrent.futures.Future[T] = concurrent.futures.Future()
+    tasks: list[asyncio.Task[T]] = []
+
+    async def working() -> T:
+        return await work()
+
+    def begin() -> None:
+        tasks.append(loop.create_task(working()))
+        tasks[0].add_done_callback(end)
+
+    def end(task: asyncio.Task[T]) -> None:
+        if task.cancelled():
+            future.cancel()
+        elif (error := task.exception()) is not None:
+            future.set_exception(error)
+        else:
+            future.set_result(task.result())
+
+    def cancel() -> None:
+        for task in tasks:
+            task.cancel()
+
     try:
+        loop.call_soon_threadsafe(begin)
         while True:
             try:
                 return future.result(_INTERRUPT_S)
@@ -48,7 +73,7 @@ def run(work: Coroutine[Any, Any, T]) -> T:
                     # It came meanwhile, or it is the work's own.
                     return future.result()
     except BaseException:
-        future.cancel()
+        loop.call_soon_threadsafe(cancel)
         raise
 
 
@@ -61,12 +86,12 @@ def iterate(items: AsyncIterator[T]) -> Iterator[T]:
             return None
 
     try:
-        while (found := run(following())) is not None:
+        while (found := run(following)) is not None:
             yield found[0]
     finally:
         close = getattr(items, "aclose", None)
         if close is not None:
-            run(close())
+            run(close)
 
 
 class Blocking(Generic[C]):
@@ -79,7 +104,7 @@ class Blocking(Generic[C]):
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        run(self._twin.__aexit__(kind, error, trace))
+        run(lambda: self._twin.__aexit__(kind, error, trace))
 
 
 def _running() -> asyncio.AbstractEventLoop:

@@ -55,14 +55,14 @@ class Client(Blocking[_client.Client]):
 
     def close(self) -> None:
         """Ends sessions at once and watches, closes the connection, and stops a server of its own."""
-        run(self._twin.close())
+        run(lambda: self._twin.close())
 
     def call(self, request: Message, timeout: float | None=None) -> Any:
         """Makes the call that takes this request of the wire and has one answer, `MergeMaps` say.
 
         Calls that solve have no deadline of their own.
         """
-        return run(self._twin.call(request, timeout))
+        return run(lambda: self._twin.call(request, timeout))
 
     def answers(self, request: Message, timeout: float | None=None) -> Iterator[Any]:
         """Makes the call that takes this request of the wire and has many answers, `ListLandmarks` say."""
@@ -70,19 +70,19 @@ class Client(Blocking[_client.Client]):
 
     def server_info(self) -> GetServerInfoResponse:
         """Version, limits, durability and features of the server."""
-        return run(self._twin.server_info())
+        return run(lambda: self._twin.server_info())
 
     def create_map(self, map_id: str, policy: MapPolicy | None=None) -> MapInfo:
         """Creates an empty map; without a policy it has the server's. Raises `AlreadyExists`."""
-        return run(self._twin.create_map(map_id, policy))
+        return run(lambda: self._twin.create_map(map_id, policy))
 
     def get_map(self, map_id: str) -> MapInfo:
         """One map with its policy and counts. Raises `NotFound`."""
-        return run(self._twin.get_map(map_id))
+        return run(lambda: self._twin.get_map(map_id))
 
     def map_digests(self, map_id: str) -> MapDigests:
         """Digests of what a map holds, by which maps of servers of one version are compared."""
-        return run(self._twin.map_digests(map_id))
+        return run(lambda: self._twin.map_digests(map_id))
 
     def wait_settled(self, map_id: str, timeout: float | None=None, retry: RetryPolicy=RetryPolicy()) -> None:
         """Waits until a map is settled: the server does nothing more to it by itself.
@@ -92,15 +92,15 @@ class Client(Blocking[_client.Client]):
         sending to may not settle for as long as they do. Raises `NotFound`; `MapNotOpen` where the map is
         frozen or poisoned and its work waits; `TimeoutError`; `RetriesExhausted`.
         """
-        run(self._twin.wait_settled(map_id, timeout, retry))
+        run(lambda: self._twin.wait_settled(map_id, timeout, retry))
 
     def list_maps(self) -> list[MapInfo]:
         """All maps by `map_id`."""
-        return run(self._twin.list_maps())
+        return run(lambda: self._twin.list_maps())
 
     def delete_map(self, map_id: str) -> None:
         """Deletes a map with its journal. Raises `NotFound`."""
-        run(self._twin.delete_map(map_id))
+        run(lambda: self._twin.delete_map(map_id))
 
     def ingest(self, map_id: str, client_id: str, *, create: bool=True, policy: MapPolicy | None=None, max_unanswered: int=64, lock_step: bool=False, omit_solve_summary: bool=False, retry: RetryPolicy=RetryPolicy(), on_ack: Callable[[IngestAck], None] | None=None, on_rejected: Callable[[RejectedItem], None] | None=None) -> Session:
         """Opens a session that sends what `client_id` sees into a map.
@@ -116,7 +116,7 @@ class Client(Blocking[_client.Client]):
 
         Raises `NotFound`, `FailedPrecondition` for a frozen map, `RetriesExhausted`.
         """
-        return Session(run(self._twin.ingest(map_id, client_id, create=create, policy=policy, max_unanswered=max_unanswered, lock_step=lock_step, omit_solve_summary=omit_solve_summary, retry=retry, on_ack=on_ack, on_rejected=on_rejected)))
+        return Session(run(lambda: self._twin.ingest(map_id, client_id, create=create, policy=policy, max_unanswered=max_unanswered, lock_step=lock_step, omit_solve_summary=omit_solve_summary, retry=retry, on_ack=on_ack, on_rejected=on_rejected)))
 
     def watch(self, map_id: str, *, omit_landmarks: bool=False, omit_constraints: bool=False, position_resolution_m: float=0.0, rotation_resolution_rad: float=0.0, retry: RetryPolicy=RetryPolicy(), on_change: Callable[[MapChanges], None] | None=None) -> Map:
         """Follows a map; returns once its full state is there.
@@ -125,18 +125,18 @@ class Client(Blocking[_client.Client]):
         more. `on_change` is called after each delta, on the event loop: it must not block, and not
         call blocking methods. Raises `NotFound`, `RetriesExhausted`.
         """
-        return Map(run(self._twin.watch(map_id, omit_landmarks=omit_landmarks, omit_constraints=omit_constraints, position_resolution_m=position_resolution_m, rotation_resolution_rad=rotation_resolution_rad, retry=retry, on_change=on_change)))
+        return Map(run(lambda: self._twin.watch(map_id, omit_landmarks=omit_landmarks, omit_constraints=omit_constraints, position_resolution_m=position_resolution_m, rotation_resolution_rad=rotation_resolution_rad, retry=retry, on_change=on_change)))
 
     def trajectory(self, map_id: str, client_id: str | None=None) -> Trajectory:
         """The poses of one client's keyframes; of the only client by default."""
-        return run(self._twin.trajectory(map_id, client_id))
+        return run(lambda: self._twin.trajectory(map_id, client_id))
 
     def export_map(self, map_id: str, folder: str | os.PathLike[str], format: str='colmap-binary') -> list[Path]:
         """Writes a map as files into `folder` and returns their paths.
 
         `format`: "colmap-binary", "colmap-text", "tum", "g2o", "ply" or "covis" (all of the map).
         """
-        return run(self._twin.export_map(map_id, folder, format))
+        return run(lambda: self._twin.export_map(map_id, folder, format))
 
     def import_map(self, map_id: str, path: str | os.PathLike[str], format: str='colmap-binary', *, client_id: str='', policy: MapPolicy | None=None) -> MapInfo:
         """Creates a map from a file, or from a folder with a COLMAP model.
@@ -144,11 +144,11 @@ class Client(Blocking[_client.Client]):
         `format`: "colmap-binary", "colmap-text", "tum", "g2o" or "covis". `client_id` owns what comes
         from a format without clients ("import").
         """
-        return run(self._twin.import_map(map_id, path, format, client_id=client_id, policy=policy))
+        return run(lambda: self._twin.import_map(map_id, path, format, client_id=client_id, policy=policy))
 
     def to_pycolmap(self, map_id: str) -> Any:
         """A map as pycolmap's `Reconstruction`; needs the extra `colmap`."""
-        return run(self._twin.to_pycolmap(map_id))
+        return run(lambda: self._twin.to_pycolmap(map_id))
 
     def optimize(self, map_id: str, *, problem: str='full', certify: bool=False, loss: str | None=None, gauge: str | None=None, max_iterations: int | None=None, time_limit_s: float | None=None, on_iteration: Callable[[IterationSummary], None] | None=None) -> OptimizeMapResult:
         """Optimizes a whole map. Canceling it leaves the map as it was.
@@ -159,7 +159,7 @@ class Client(Blocking[_client.Client]):
         - `gauge`: "first-keyframe-fixed", "free", "priors" or "fixed-poses"; the map's by default.
         - `on_iteration`: called with each iteration as it comes, on the event loop.
         """
-        return run(self._twin.optimize(map_id, problem=problem, certify=certify, loss=loss, gauge=gauge, max_iterations=max_iterations, time_limit_s=time_limit_s, on_iteration=on_iteration))
+        return run(lambda: self._twin.optimize(map_id, problem=problem, certify=certify, loss=loss, gauge=gauge, max_iterations=max_iterations, time_limit_s=time_limit_s, on_iteration=on_iteration))
 
     def solve_bundle(self, cameras: Sequence[Camera], world_from_camera: npt.ArrayLike, points: npt.ArrayLike, pose_indices: npt.ArrayLike, point_indices: npt.ArrayLike, pixels: npt.ArrayLike, *, depths: npt.ArrayLike | None=None, sigmas: npt.ArrayLike | None=None, sigma_px: npt.ArrayLike | None=None, camera_indices: npt.ArrayLike | None=None, fixed_poses: npt.ArrayLike | None=None, fixed_points: npt.ArrayLike | None=None, refine_intrinsics: bool=False, loss: str | None=None, gauge: str | None=None, max_iterations: int | None=None, time_limit_s: float | None=None, include_iterations: bool=False) -> BundleSolution:
         """Solves a bundle adjustment problem that fits a message; larger ones are maps.
@@ -173,7 +173,7 @@ class Client(Blocking[_client.Client]):
 
         Raises `InvalidArgument` for a problem that cannot be solved as posed.
         """
-        return run(self._twin.solve_bundle(cameras, world_from_camera, points, pose_indices, point_indices, pixels, depths=depths, sigmas=sigmas, sigma_px=sigma_px, camera_indices=camera_indices, fixed_poses=fixed_poses, fixed_points=fixed_points, refine_intrinsics=refine_intrinsics, loss=loss, gauge=gauge, max_iterations=max_iterations, time_limit_s=time_limit_s, include_iterations=include_iterations))
+        return run(lambda: self._twin.solve_bundle(cameras, world_from_camera, points, pose_indices, point_indices, pixels, depths=depths, sigmas=sigmas, sigma_px=sigma_px, camera_indices=camera_indices, fixed_poses=fixed_poses, fixed_points=fixed_points, refine_intrinsics=refine_intrinsics, loss=loss, gauge=gauge, max_iterations=max_iterations, time_limit_s=time_limit_s, include_iterations=include_iterations))
 
     def solve_pose_graph(self, ids: npt.ArrayLike, world_from_vertex: npt.ArrayLike | None, edges: npt.ArrayLike, i_from_j: npt.ArrayLike, information: npt.ArrayLike, *, fixed: Sequence[int]=(), trusted: npt.ArrayLike | None=None, robust: str | None=None, certify: bool=False, loss: str | None=None, start: str | None=None, max_iterations: int | None=None, time_limit_s: float | None=None, include_iterations: bool=False) -> PoseGraphSolution:
         """Solves a pose graph, in space (4×4, 6×6) or in the plane (3×3, 3×3).
@@ -188,7 +188,7 @@ class Client(Blocking[_client.Client]):
 
         Raises `InvalidArgument` for a graph that cannot be solved as posed.
         """
-        return run(self._twin.solve_pose_graph(ids, world_from_vertex, edges, i_from_j, information, fixed=fixed, trusted=trusted, robust=robust, certify=certify, loss=loss, start=start, max_iterations=max_iterations, time_limit_s=time_limit_s, include_iterations=include_iterations))
+        return run(lambda: self._twin.solve_pose_graph(ids, world_from_vertex, edges, i_from_j, information, fixed=fixed, trusted=trusted, robust=robust, certify=certify, loss=loss, start=start, max_iterations=max_iterations, time_limit_s=time_limit_s, include_iterations=include_iterations))
 
     def localize(self, map_id: str, camera: Camera, pixels: npt.ArrayLike, descriptors: npt.ArrayLike, depths: npt.ArrayLike | None=None, sigmas: npt.ArrayLike | None=None, *, sigma_px: npt.ArrayLike | None=None, descriptor_name: str='', descriptor_kind: str | None=None) -> Localization | None:
         """Finds where a camera is in a map by what it sees; `None` where no place is recognized, or where
@@ -197,38 +197,38 @@ class Client(Blocking[_client.Client]):
         A `descriptor_name` that no keyframe of the map has is refused with the names that there are.
         `camera` is from `covis.camera`, the arrays are as in `Session.keyframe`. Descriptors must be binary.
         """
-        return run(self._twin.localize(map_id, camera, pixels, descriptors, depths, sigmas, sigma_px=sigma_px, descriptor_name=descriptor_name, descriptor_kind=descriptor_kind))
+        return run(lambda: self._twin.localize(map_id, camera, pixels, descriptors, depths, sigmas, sigma_px=sigma_px, descriptor_name=descriptor_name, descriptor_kind=descriptor_kind))
 
     def create_job(self, job_id: str, spec: JobSpec, priority: int=0) -> Job:
         """Begins work that outlives the call. The same id with the same spec is the job that is there.
 
         Of the jobs that wait, the one with the highest priority (-100 to 100) begins first.
         """
-        return run(self._twin.create_job(job_id, spec, priority))
+        return run(lambda: self._twin.create_job(job_id, spec, priority))
 
     def upload_job_files(self, path: str | os.PathLike[str]) -> str:
         """Uploads a file, or all files below a folder, and returns the `upload_id` for a spec."""
-        return run(self._twin.upload_job_files(path))
+        return run(lambda: self._twin.upload_job_files(path))
 
     def download_job_files(self, job_id: str, folder: str | os.PathLike[str], path: str='') -> list[Path]:
         """Writes the files that a job made, or the one of this path, into `folder`; their paths."""
-        return run(self._twin.download_job_files(job_id, folder, path))
+        return run(lambda: self._twin.download_job_files(job_id, folder, path))
 
     def get_job(self, job_id: str) -> Job:
         """One job. Raises `NotFound`."""
-        return run(self._twin.get_job(job_id))
+        return run(lambda: self._twin.get_job(job_id))
 
     def list_jobs(self, map_id: str | None=None, states: Sequence[JobState]=()) -> list[Job]:
         """The jobs, the newest first; only those on a map, and in these states, where given."""
-        return run(self._twin.list_jobs(map_id, states))
+        return run(lambda: self._twin.list_jobs(map_id, states))
 
     def cancel_job(self, job_id: str) -> Job:
         """Asks a job to stop; it often still runs in the answer."""
-        return run(self._twin.cancel_job(job_id))
+        return run(lambda: self._twin.cancel_job(job_id))
 
     def delete_job(self, job_id: str) -> None:
         """Forgets a job that has ended."""
-        run(self._twin.delete_job(job_id))
+        run(lambda: self._twin.delete_job(job_id))
 
     def watch_job(self, job_id: str, retry: RetryPolicy=RetryPolicy()) -> Iterator[Job]:
         """The job as it is, then as it changes, until it has ended. Goes on over broken links."""
@@ -236,7 +236,7 @@ class Client(Blocking[_client.Client]):
 
     def wait_job(self, job_id: str, retry: RetryPolicy=RetryPolicy()) -> Job:
         """Waits until a job has ended. Raises `JobFailed` where it failed."""
-        return run(self._twin.wait_job(job_id, retry))
+        return run(lambda: self._twin.wait_job(job_id, retry))
 
 
 class Session(Blocking[_session.Session]):
@@ -278,7 +278,7 @@ class Session(Blocking[_session.Session]):
         OpenCV's coefficients: (k1, k2, p1, p2[, k3]), or (k1, k2, k3, k4) for the model "fisheye".
         An earlier session of the client may have sent the same camera.
         """
-        return run(self._twin.camera(id, width, height, K, distortion, model=model))
+        return run(lambda: self._twin.camera(id, width, height, K, distortion, model=model))
 
     def keyframe(self, id: int, t: Time, world_from_camera: npt.ArrayLike, pixels: npt.ArrayLike, landmark_ids: npt.ArrayLike, depths: npt.ArrayLike | None=None, sigmas: npt.ArrayLike | None=None, descriptors: npt.ArrayLike | None=None, new_points: npt.ArrayLike | None=None, camera: int | None=None, *, sigma_px: npt.ArrayLike | None=None, odom_from_camera: npt.ArrayLike | None=None, descriptor_name: str='', descriptor_kind: str | None=None) -> int:
         """Adds a keyframe with what it sees, and returns the item's sequence.
@@ -302,18 +302,18 @@ class Session(Blocking[_session.Session]):
 
         Raises `ValueError` naming the argument whose shape or type is wrong.
         """
-        return run(self._twin.keyframe(id, t, world_from_camera, pixels, landmark_ids, depths, sigmas, descriptors, new_points, camera, sigma_px=sigma_px, odom_from_camera=odom_from_camera, descriptor_name=descriptor_name, descriptor_kind=descriptor_kind))
+        return run(lambda: self._twin.keyframe(id, t, world_from_camera, pixels, landmark_ids, depths, sigmas, descriptors, new_points, camera, sigma_px=sigma_px, odom_from_camera=odom_from_camera, descriptor_name=descriptor_name, descriptor_kind=descriptor_kind))
 
     def observations(self, keyframe: int, pixels: npt.ArrayLike, landmark_ids: npt.ArrayLike, depths: npt.ArrayLike | None=None, sigmas: npt.ArrayLike | None=None, descriptors: npt.ArrayLike | None=None, *, sigma_px: npt.ArrayLike | None=None, descriptor_name: str='', descriptor_kind: str | None=None) -> int:
         """Adds observations to a keyframe that was sent before; arguments as in `keyframe`.
 
         The landmarks must be known to the map.
         """
-        return run(self._twin.observations(keyframe, pixels, landmark_ids, depths, sigmas, descriptors, sigma_px=sigma_px, descriptor_name=descriptor_name, descriptor_kind=descriptor_kind))
+        return run(lambda: self._twin.observations(keyframe, pixels, landmark_ids, depths, sigmas, descriptors, sigma_px=sigma_px, descriptor_name=descriptor_name, descriptor_kind=descriptor_kind))
 
     def landmarks(self, ids: npt.ArrayLike, points: npt.ArrayLike | None=None) -> int:
         """Adds landmarks: N ids and, where known, N×3 positions in the world frame, m."""
-        return run(self._twin.landmarks(ids, points))
+        return run(lambda: self._twin.landmarks(ids, points))
 
     def closure(self, id: int, keyframe_i: Ref, keyframe_j: Ref, i_from_j: npt.ArrayLike, information: npt.ArrayLike) -> int:
         """Adds a loop closure: the measured pose of keyframe j in the frame of keyframe i.
@@ -321,11 +321,11 @@ class Session(Blocking[_session.Session]):
         `information` is the 6×6 inverse covariance, translation first (`covis.closure_information`).
         A keyframe of another client is (client, id).
         """
-        return run(self._twin.closure(id, keyframe_i, keyframe_j, i_from_j, information))
+        return run(lambda: self._twin.closure(id, keyframe_i, keyframe_j, i_from_j, information))
 
     def odometry(self, id: int, keyframe_i: Ref, keyframe_j: Ref, i_from_j: npt.ArrayLike, information: npt.ArrayLike) -> int:
         """Adds a relative pose that tracking or wheels measured; arguments as in `closure`."""
-        return run(self._twin.odometry(id, keyframe_i, keyframe_j, i_from_j, information))
+        return run(lambda: self._twin.odometry(id, keyframe_i, keyframe_j, i_from_j, information))
 
     def position_prior(self, id: int, keyframe: Ref, point_in_world: npt.ArrayLike | None, information: npt.ArrayLike, *, geodetic: tuple[float, float, float] | None=None, point_in_camera: npt.ArrayLike | None=None) -> int:
         """Adds a measured position (GNSS, motion capture), m, with its 3×3 information.
@@ -333,11 +333,11 @@ class Session(Blocking[_session.Session]):
         `geodetic` is (latitude in degrees, longitude in degrees, height in m) in place of
         `point_in_world`, for maps with an anchor. `point_in_camera` is the lever arm, m.
         """
-        return run(self._twin.position_prior(id, keyframe, point_in_world, information, geodetic=geodetic, point_in_camera=point_in_camera))
+        return run(lambda: self._twin.position_prior(id, keyframe, point_in_world, information, geodetic=geodetic, point_in_camera=point_in_camera))
 
     def pose_prior(self, id: int, keyframe: Ref, world_from_camera: npt.ArrayLike, information: npt.ArrayLike) -> int:
         """Adds a measured pose, 4×4, with its 6×6 information, translation first."""
-        return run(self._twin.pose_prior(id, keyframe, world_from_camera, information))
+        return run(lambda: self._twin.pose_prior(id, keyframe, world_from_camera, information))
 
     def send(self, item: Message, *, sequence: int | None=None) -> int:
         """Sends an item of the wire, an edit for instance, or the item of an `IngestRequest`, and returns
@@ -346,15 +346,15 @@ class Session(Blocking[_session.Session]):
         `sequence` is above all before on this session. One below `next_sequence` of a fresh session
         sends an item again that an earlier session may have sent: the server compares the two.
         """
-        return run(self._twin.send(item, sequence=sequence))
+        return run(lambda: self._twin.send(item, sequence=sequence))
 
     def set_camera(self, camera: Camera) -> int:
         """Replaces the model and the image size of a camera of the map, of any client."""
-        return run(self._twin.set_camera(camera))
+        return run(lambda: self._twin.set_camera(camera))
 
     def flush(self, timeout: float | None=None) -> None:
         """Waits until every item sent so far is answered."""
-        run(self._twin.flush(timeout))
+        run(lambda: self._twin.flush(timeout))
 
     def wait_durable(self, sequence: int | None=None, timeout: float | None=None) -> None:
         """Waits until the item, by default everything sent so far, is on the server's disk.
@@ -362,7 +362,7 @@ class Session(Blocking[_session.Session]):
         Raises `Rejected` where the item was refused, by default where any was of which nobody was
         told yet; `NotDurable` where the server keeps maps in memory; `TimeoutError`.
         """
-        run(self._twin.wait_durable(sequence, timeout))
+        run(lambda: self._twin.wait_durable(sequence, timeout))
 
     def wait_optimized(self, sequence: int | None=None, timeout: float | None=None) -> None:
         """Waits until solves have covered the item and those before it, by default all sent so far.
@@ -370,13 +370,13 @@ class Session(Blocking[_session.Session]):
         Items that no solve follows (cameras, landmarks, odometry) do not wait. Raises as
         `wait_durable` does.
         """
-        run(self._twin.wait_optimized(sequence, timeout))
+        run(lambda: self._twin.wait_optimized(sequence, timeout))
 
     def wait_settled(self, timeout: float | None=None) -> None:
         """Waits until everything sent so far is answered and the map is settled: see
         `Client.wait_settled`.
         """
-        run(self._twin.wait_settled(timeout))
+        run(lambda: self._twin.wait_settled(timeout))
 
     def finish(self, timeout: float | None=None) -> IngestReport:
         """Half-closes the stream, waits for all acks, those of pending solves too, and reports.
@@ -384,11 +384,11 @@ class Session(Blocking[_session.Session]):
         Raises `Rejected` where items were refused of which nobody was told yet; else why the session
         ended before that. After a `TimeoutError` the session still ends by itself, or by `abort`.
         """
-        return run(self._twin.finish(timeout))
+        return run(lambda: self._twin.finish(timeout))
 
     def abort(self) -> None:
         """Ends the session at once. What was not answered may be missing on the server."""
-        run(self._twin.abort())
+        run(lambda: self._twin.abort())
 
 
 class Map(Blocking[_map.Map]):
@@ -399,7 +399,7 @@ class Map(Blocking[_map.Map]):
 
     def close(self) -> None:
         """Ends the watch. The mirror stays as it is."""
-        run(self._twin.close())
+        run(lambda: self._twin.close())
 
     @property
     def revision(self) -> int:
@@ -475,14 +475,14 @@ class Map(Blocking[_map.Map]):
 
     def wait(self, revision: int, timeout: float | None=None) -> None:
         """Waits until the mirror holds `revision` (of an ack, say) or a later one."""
-        run(self._twin.wait(revision, timeout))
+        run(lambda: self._twin.wait(revision, timeout))
 
     def wait_until(self, is_met: Callable[[], bool], timeout: float | None=None) -> None:
         """Waits until `is_met` is true; it is asked after each change, and reads the map.
 
         Raises `NotFound` when the map is deleted; why the watch ended; `TimeoutError`.
         """
-        run(self._twin.wait_until(is_met, timeout))
+        run(lambda: self._twin.wait_until(is_met, timeout))
 
 
 def connect(url: str, token: str | None=None, *, token_file: str | os.PathLike[str] | None=None, ca: str | os.PathLike[str] | None=None, cert: str | os.PathLike[str] | None=None, key: str | os.PathLike[str] | None=None, link: LinkOptions=LinkOptions()) -> Client:
@@ -498,7 +498,7 @@ def connect(url: str, token: str | None=None, *, token_file: str | os.PathLike[s
 
     Raises `InvalidUrl`, `InvalidToken`, `TokenInPlainText`, `Unreachable`.
     """
-    return Client(run(_connect.connect(url, token, token_file=token_file, ca=ca, cert=cert, key=key, link=link)))
+    return Client(run(lambda: _connect.connect(url, token, token_file=token_file, ca=ca, cert=cert, key=key, link=link)))
 
 
 def local(data_dir: str | os.PathLike[str] | None=None, *, binary: str | None=None, arguments: Sequence[str]=(), link: LinkOptions=LinkOptions()) -> Client:
@@ -508,4 +508,4 @@ def local(data_dir: str | os.PathLike[str] | None=None, *, binary: str | None=No
     removed at the end. The program is `binary`, else `$COVIS_BIN`, else `covis` from the PATH;
     `arguments` are further ones of `covis serve`. Raises `ServerFailed`.
     """
-    return Client(run(_connect.local(data_dir, binary=binary, arguments=arguments, link=link)))
+    return Client(run(lambda: _connect.local(data_dir, binary=binary, arguments=arguments, link=link)))
