@@ -34,14 +34,14 @@ pub(super) struct Args {
     input: PathBuf,
     /// The file to write; a folder for COLMAP.
     output: PathBuf,
-    /// What the input is [default: told by its name or its first line].
+    /// Format of the input [default: detected from its name or its first line].
     #[arg(long, value_name = "FORMAT", value_parser = formats::readable(), hide_possible_values = true)]
     from: Option<Format>,
-    /// What to write: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o or ply [default:
-    /// told by the name; a name without extension is a COLMAP folder].
+    /// Format of the output: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o or ply
+    /// [default: by its name; a name without extension is a COLMAP folder].
     #[arg(long, value_name = "FORMAT", value_parser = formats::writable(), hide_possible_values = true)]
     to: Option<Format>,
-    /// Times of the poses of a KITTI file, seconds, one a line.
+    /// Times of the poses of a KITTI file, seconds, one per line.
     #[arg(long, value_name = "FILE")]
     times: Option<PathBuf>,
     /// Print one JSON object instead of a sentence.

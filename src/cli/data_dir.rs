@@ -17,17 +17,17 @@ use crate::store::{
     Damage, JobCheckup, LostEvent, MapCheckup, Repair, back_up, check_up, check_up_jobs,
 };
 
-/// Looks at the journals, snapshots and jobs of a data directory that no server uses.
+/// Checks the journals, snapshots and jobs of a data directory that no server uses.
 #[derive(Debug, clap::Args)]
 pub(super) struct DoctorArgs {
     /// The folder that a server keeps its maps in.
     data_dir: PathBuf,
-    /// Set damaged files aside and let their maps go on from what could be brought back; nothing is
-    /// deleted. Jobs are left as they are: one that is damaged is not listed by the server.
+    /// Set damaged files aside, so that their maps continue from what was recovered; nothing is
+    /// deleted. Jobs are left as they are: the server does not list a damaged one.
     #[arg(long)]
     repair: bool,
-    /// With --repair: where an event of a journal is intact and cannot be read, give it up with all that
-    /// follow it, which are listed. The files are set aside; nothing is deleted.
+    /// With --repair: if an event of a journal is intact but cannot be read, drop it and all later events,
+    /// and list them. The files are set aside; nothing is deleted.
     #[arg(long, requires = "repair")]
     cut: bool,
     /// Print one JSON object instead of text.
@@ -35,12 +35,12 @@ pub(super) struct DoctorArgs {
     json: bool,
 }
 
-/// Copies the maps and jobs of a data directory, also while a server uses it.
+/// Copies the maps and jobs of a data directory, even while a server uses it.
 #[derive(Debug, clap::Args)]
 pub(super) struct BackupArgs {
     /// The folder that a server keeps its maps in.
     data_dir: PathBuf,
-    /// The folder to copy them to; missing or empty.
+    /// The folder to copy them to; it must be missing or empty.
     copy: PathBuf,
     /// Print one JSON object instead of text.
     #[arg(long)]

@@ -39,7 +39,7 @@ const MAX_TIME_DIFFERENCE_S: f64 = 0.01;
 /// Arguments of `covis demo`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Folder for the map and the trajectories; made when it does not exist.
+    /// Folder for the map and the trajectories; it is created if it is missing.
     #[arg(long, value_name = "FOLDER", default_value = "covis-demo")]
     out: PathBuf,
     /// Frames, 30 a second; a round takes 180.

@@ -32,20 +32,20 @@ const POSE_REACH_S: f64 = 0.02;
 pub(super) struct Args {
     /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
     source: Source,
-    /// Where the camera was: a TUM or EuRoC trajectory, or a recorded folder with the truth beside its
-    /// images. Poses are interpolated; frames farther than 0.02 s from one are skipped.
+    /// Poses of the camera: a TUM or EuRoC trajectory, or a recorded folder with ground truth beside its
+    /// images. Poses are interpolated; frames without a pose within 0.02 s are skipped.
     #[arg(long, value_name = "TRAJECTORY|FOLDER")]
     poses: PathBuf,
-    /// Folder for mesh.ply and volume.covis; made where it is missing.
+    /// Folder for mesh.ply and volume.covis; it is created if it is missing.
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     #[command(flatten)]
     measures: Measures,
-    /// Follow with the surface after each frame, by this many blocks of those that changed at most,
-    /// oldest first; the rest waits for later frames [default: the surface is made at the end].
+    /// Update the surface after each frame, at most this many changed blocks, oldest first; the
+    /// rest waits for later frames [default: compute the surface at the end].
     #[arg(long, value_name = "BLOCKS", value_parser = clap::value_parser!(u32).range(1..))]
     remesh: Option<u32>,
-    /// Depth beyond this is not used, meters.
+    /// Maximum depth that is used, meters.
     #[arg(long, value_name = "METERS", default_value_t = IntegrationOptions::default().max_depth_m)]
     max_depth: f32,
     #[command(flatten)]

@@ -60,7 +60,7 @@ use config::{CONNECTION, Config, Environment, LOG, Texts, flags};
 /// Under the help of the program.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one line on standard error that says what \
     happened, to what, and what to do next, or a result that is bad (damage found, items refused, a job \
-    that failed); 2 wrong usage; 130 and 143 a run that ctrl-c or SIGTERM ended, with what there was written.";
+    that failed); 2 wrong usage; 130 and 143 a run that ctrl-c or SIGTERM ended, after it wrote what it had.";
 
 /// An optimization-centric SLAM backend: keyframes in over gRPC, optimized maps out.
 #[derive(Debug, Parser)]
@@ -79,7 +79,7 @@ enum Command {
     Serve,
     /// Solve problem files of servers' jobs until SIGTERM or ctrl-c, in builds with the feature `cluster`.
     Worker,
-    /// Tell whether a server serves; the exit code is 0 if it does.
+    /// Check whether a server is ready; the exit code is 0 if it is.
     Health(health::Args),
     /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the
     /// map.
@@ -92,11 +92,11 @@ enum Command {
     Job(job::Args),
     /// Record a map as MCAP, for Foxglove and Rerun.
     Record(record::Args),
-    /// Look at a data directory without a server: verify, report, repair.
+    /// Check a data directory without a server: verify, report, repair.
     Doctor(data_dir::DoctorArgs),
-    /// Copy a data directory, also while a server uses it.
+    /// Copy a data directory, even while a server uses it.
     Backup(data_dir::BackupArgs),
-    /// Put a server under load: so many maps, each with a client that sends keyframes at a fixed rate.
+    /// Put a server under load: several maps, each with a client that sends keyframes at a fixed rate.
     Load(load::Args),
     /// Write a file in another format: trajectories, bundle adjustment, pose graphs.
     Convert(convert::Args),
@@ -104,18 +104,18 @@ enum Command {
     Eval(eval::Args),
     /// Track an RGB-D sequence with the reference frontend, through a server.
     Run(run::Args),
-    /// Fuse recorded depth and color to a surface, at given poses.
+    /// Fuse recorded depth and color images into a surface, at given poses.
     Fuse(fuse::Args),
     /// Write the surface of a stored volume as PLY or GLB.
     Mesh(volume::MeshArgs),
-    /// Write the ground of a stored volume for navigation: occupancy (PGM, YAML) or distances
-    /// (PFM).
+    /// Write a navigation grid from a stored volume: occupancy (PGM, YAML) or distances (PFM).
     Grid(volume::GridArgs),
-    /// Measure the reference frontend on sequences with truth, with and without the mask.
+    /// Measure the reference frontend on sequences with ground truth, with and without the mask.
     BenchFrontend(bench_frontend::Args),
-    /// Track a synthetic room in which people walk, with and without the mask, server included.
+    /// Track a camera in a synthetic room in which people walk, with and without the mask, on its
+    /// own server.
     Demo(demo::Args),
-    /// Write synthetic data with its truth.
+    /// Write synthetic data with ground truth.
     Synth(synth::Args),
 }
 
@@ -140,8 +140,8 @@ pub fn command() -> clap::Command {
     let of_workers = flags(|setting| OF_WORKERS.contains(&setting.get_id().as_str()));
     let of_solvers = flags(|setting| setting.get_id() == "threads");
     // `run` starts a server of its own unless a flag names one.
-    const SERVER_OF_RUN: &str = "The server's URL; neither COVIS_SERVER nor covis.toml names it [default: a server \
-        in this process]";
+    const SERVER_OF_RUN: &str = "The server's URL; this command ignores COVIS_SERVER and \
+        covis.toml here [default: a server in this process]";
     command
         .mut_subcommand("run", |run| run.mut_arg("server", |server| server.help(SERVER_OF_RUN)))
         .mut_subcommand("serve", |server| server.args(of_server))

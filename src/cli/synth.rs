@@ -19,18 +19,20 @@ pub(super) struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Kind {
-    /// An RGB-D sequence of an indoor scene: rgb, depth, truth of the camera, masks of what moves.
+    /// An RGB-D sequence of an indoor scene: color, depth, ground truth of the camera, masks of
+    /// moving objects.
     Rgbd(Rgbd),
 }
 
 #[derive(Debug, clap::Args)]
 struct Rgbd {
-    /// The folder to write; made where it is missing, files of the same names are replaced.
+    /// The folder to write; it is created if it is missing, and files of the same names are
+    /// replaced.
     out: PathBuf,
     /// static, walking, sitting, pushed, exposure, loop, covered or rounds.
     #[arg(long, value_name = "NAME")]
     scene: SceneName,
-    /// The same scene and seed give the same bytes.
+    /// Seed; the same scene and seed give the same bytes.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// How many frames of 640 x 480 pixels, 30 a second.

@@ -28,8 +28,8 @@ use crate::frontend::dense::{export, file};
 /// How much memory a stored volume may take.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct Memory {
-    /// Megabytes of the volume that are in memory at most; the rest waits in a temporary file
-    /// beside OUT [default: all is in memory, 4.2 KB a block].
+    /// Maximum size of the volume in memory, megabytes; the rest moves to a temporary file beside
+    /// OUT [default: no limit; 4.2 KB per block].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     memory_mb: Option<u32>,
 }
@@ -61,14 +61,14 @@ fn ceiling(megabytes: u32, folder: &Path) -> MemoryCeiling {
 /// The measures of a volume.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct Measures {
-    /// Edge of a voxel, meters.
+    /// Edge length of a voxel, meters.
     #[arg(long, value_name = "METERS", default_value_t = 0.02)]
     voxel: f32,
-    /// Distances are cut off at this many voxels.
+    /// Truncation distance, voxels.
     #[arg(long, value_name = "N", default_value_t = 8.0)]
     truncation_voxels: f32,
-    /// Megabytes of the volume that are in memory at most; what is far from the camera waits in a
-    /// temporary file in OUT [default: all is in memory].
+    /// Maximum size of the volume in memory, megabytes; parts far from the camera move to a
+    /// temporary file in OUT [default: no limit].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     memory_mb: Option<u32>,
 }
@@ -140,7 +140,7 @@ impl Paging {
 pub(super) struct MeshArgs {
     /// A volume, as `covis fuse` and `covis run --mesh` write it.
     volume: PathBuf,
-    /// Where the mesh goes; .ply or .glb says how.
+    /// The mesh to write; its extension, .ply or .glb, selects the format.
     #[arg(value_name = "OUT.ply|OUT.glb")]
     out: PathBuf,
     #[command(flatten)]
@@ -172,7 +172,8 @@ pub(super) struct GridArgs {
     /// OUT.pgm for occupancy, with OUT.yaml beside it; OUT.pfm for distances on a slice.
     #[arg(value_name = "OUT.pgm|OUT.pfm")]
     out: PathBuf,
-    /// Up in the volume's frame [default: 0,-1,0, for a first camera that was held level].
+    /// Up direction in the volume's frame [default: 0,-1,0, for a first camera that was held
+    /// level].
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     up: Option<Numbers<3>>,
     /// Heights between which a surface is an obstacle, meters along up from the volume's origin

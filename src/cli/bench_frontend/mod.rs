@@ -40,10 +40,10 @@ pub(super) struct Args {
     /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
     #[arg(required = true, value_name = "SEQUENCE")]
     sequences: Vec<Source>,
-    /// Folder for trajectories and masks, those of each run in a folder of its own.
+    /// Folder for trajectories and masks; each run gets its own subfolder.
     #[arg(long, value_name = "FOLDER", default_value = "covis-bench-frontend")]
     out: PathBuf,
-    /// Threads; with one, frames are decoded between others' tracking.
+    /// Threads; a single one decodes and tracks frames in turn.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     threads: u16,
     #[command(flatten)]

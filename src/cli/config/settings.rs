@@ -24,7 +24,7 @@ pub const CONNECTION: &str = "Connection";
 /// Smallest message limit: every stream needs room for its control messages.
 const LEAST_MESSAGE_BYTES: usize = 4096;
 
-/// How log lines look.
+/// Format of log lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum LogFormat {
@@ -39,95 +39,96 @@ pub enum LogFormat {
 #[derive(Clone, Debug, Default, PartialEq, Eq, clap::Args, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Address to listen on, host:port; port 0 takes a free one [default: 127.0.0.1:7411].
+    /// Address to listen on, host:port; port 0 picks a free port [default: 127.0.0.1:7411].
     #[arg(long, value_name = "ADDR")]
     pub listen: Option<String>,
-    /// The server's certificate (PEM); with it TLS is spoken.
+    /// The server's certificate (PEM); with it, the server uses TLS.
     #[arg(long, value_name = "FILE")]
     pub tls_cert: Option<PathBuf>,
     /// The private key of --tls-cert (PEM).
     #[arg(long, value_name = "FILE")]
     pub tls_key: Option<PathBuf>,
-    /// Take only clients whose certificate these authorities (PEM) signed.
+    /// Accept only clients whose certificate one of these authorities (PEM) has signed.
     #[arg(long, value_name = "FILE")]
     pub tls_client_ca: Option<PathBuf>,
-    /// Take only calls with a bearer token of this file (TOML).
+    /// Accept only calls with a bearer token that this file (TOML) lists.
     #[arg(long, value_name = "FILE")]
     pub tokens: Option<PathBuf>,
-    /// Take also JSON Web Tokens that a key of this set (JWKS) signed.
+    /// Also accept JSON Web Tokens that a key of this set (JWKS) has signed.
     #[arg(long, value_name = "FILE")]
     pub jwks: Option<PathBuf>,
     /// The issuer (`iss`) that those tokens must name.
     #[arg(long, value_name = "ISSUER")]
     pub jwt_issuer: Option<String>,
-    /// The audience (`aud`) that they must be meant for.
+    /// The audience (`aud`) that those tokens must name.
     #[arg(long, value_name = "AUDIENCE")]
     pub jwt_audience: Option<String>,
-    /// Speak plain text also beyond loopback: others on the network can read and change all of it.
+    /// Serve plain text beyond loopback too: others on the network can read and change everything.
     #[arg(long)]
     pub insecure_plain_text: bool,
-    /// Address at which `GET /metrics` is answered for Prometheus, in plain text; port 0 takes a
-    /// free one [default: none].
+    /// Address at which the server answers `GET /metrics` for Prometheus, in plain text; port 0
+    /// picks a free port [default: none].
     #[arg(long, value_name = "ADDR")]
     pub metrics_listen: Option<String>,
-    /// Address at which browsers get the page that shows maps; port 0 takes a free one
-    /// [default: none].
+    /// Address of the web page that shows maps; port 0 picks a free port [default: none].
     #[arg(long, value_name = "ADDR")]
     pub http: Option<String>,
-    /// Seconds that the server waits for running calls when it is told to end [default: 10].
+    /// Seconds that the server waits for running calls when it shuts down [default: 10].
     #[arg(long, value_name = "SECONDS")]
     pub drain_budget: Option<u64>,
-    /// Seconds that a job is kept after its end [default: 604800].
+    /// Seconds for which the server keeps a job after its end [default: 604800].
     #[arg(long, value_name = "SECONDS")]
     pub job_retention: Option<u64>,
     /// Export spans of calls, items and solves to this collector by OTLP over gRPC, in builds with
     /// the feature `opentelemetry` [default: none].
     #[arg(long, value_name = "URL")]
     pub otlp_endpoint: Option<String>,
-    /// Worker threads of solves; results do not depend on it [default: one per processor].
+    /// Worker threads for solves; results do not depend on their number [default: one per
+    /// processor].
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
-    /// Finish each solve before the next item of a stream is taken.
+    /// Finish each solve before taking the next item of a stream.
     #[arg(long)]
     pub lock_step: bool,
     /// Folder to keep maps in [default: the platform's folder for data].
     #[arg(long, value_name = "DIR", conflicts_with = "in_memory")]
     pub data_dir: Option<PathBuf>,
-    /// Keep maps in memory only: they are gone at the end.
+    /// Keep maps in memory only: they are lost when the server stops.
     #[arg(long)]
     pub in_memory: bool,
     /// Share maps with other servers over these NATS servers, URLs separated by commas, in builds with
     /// the feature `cluster` [default: none].
     #[arg(long, value_name = "URLS")]
     pub nats: Option<String>,
-    /// Monitoring addresses of all NATS servers, separated by commas (http://host:8222): they tell
-    /// whether NATS syncs before it acknowledges [default: none].
+    /// Monitoring addresses of all NATS servers, separated by commas (http://host:8222): the server
+    /// asks them whether NATS syncs before it acknowledges [default: none].
     #[arg(long, value_name = "URLS")]
     pub nats_monitoring: Option<String>,
-    /// On how many NATS servers each map's journal is: 1, 3 or 5 [default: 3].
+    /// Number of NATS servers that keep each map's journal: 1, 3 or 5 [default: 3].
     #[arg(long, value_name = "N")]
     pub nats_replicas: Option<usize>,
-    /// Seconds after which the maps of a server that is not heard of are taken over [default: 5].
+    /// Seconds of silence after which other servers take over a server's maps [default: 5].
     #[arg(long, value_name = "SECONDS")]
     pub lease_seconds: Option<u64>,
-    /// URL by which clients reach this server, for those that asked another one [default: from
+    /// URL of this server for clients that called another server of the cluster [default: from
     /// --listen].
     #[arg(long, value_name = "URL")]
     pub advertise: Option<String>,
-    /// Take NATS servers that acknowledge before they sync: a loss of power of several of them loses
-    /// what was acknowledged.
+    /// Accept NATS servers that acknowledge before they sync: if several of them lose power, acknowledged
+    /// items are lost.
     #[arg(long)]
     pub accept_unsynced_replicas: bool,
     /// Largest message in bytes, in and out [default: 4194304].
     #[arg(long, value_name = "N")]
     pub max_message_bytes: Option<usize>,
-    /// Most concurrent streams of one connection [default: 64].
+    /// Maximum number of concurrent streams of one connection [default: 64].
     #[arg(long, value_name = "N")]
     pub max_concurrent_streams: Option<u32>,
-    /// Most connections at once [default: 512].
+    /// Maximum number of connections [default: 512].
     #[arg(long, value_name = "N")]
     pub max_connections: Option<usize>,
-    /// Most of them that have made no call that was admitted; half of all at most [default: 256].
+    /// Maximum number of connections that have not made an admitted call yet; at most half of
+    /// max-connections [default: 256].
     #[arg(long, value_name = "N")]
     pub max_strangers: Option<usize>,
     /// Items that may wait for a map's engine before a stream is slowed down [default: 64].
@@ -163,7 +164,7 @@ pub struct Config {
     /// Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info].
     #[arg(long, value_name = "LEVEL", help_heading = LOG)]
     pub log: Option<String>,
-    /// How log lines look [default: text].
+    /// Format of log lines [default: text].
     #[arg(long, value_name = "FORMAT", help_heading = LOG)]
     pub log_format: LogFormat,
     /// Whether a flag names the server: `covis run` then starts none of its own.

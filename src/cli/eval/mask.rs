@@ -21,11 +21,11 @@ const SAME_TIME_S: f64 = 1e-4;
 /// Arguments of `covis eval mask`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The folder of true masks, then that of estimated ones; with --static the estimated ones
-    /// only.
+    /// The folder of ground-truth masks, then the folder of estimated masks; with --static only the
+    /// latter.
     #[arg(required = true, num_args = 1..=2, value_name = "FOLDER")]
     folders: Vec<PathBuf>,
-    /// Nothing moves in the sequence: all that is masked is false.
+    /// Nothing moves in the sequence: every masked pixel is false.
     #[arg(long = "static")]
     is_static: bool,
     #[command(flatten)]

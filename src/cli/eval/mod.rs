@@ -33,9 +33,9 @@ enum Metric {
     Ape(Files),
     /// Relative pose error from one matched pose to the next, or over a fixed time.
     Rpe(Relative),
-    /// Intersection over union of masks of what moves, and what they mask falsely.
+    /// Intersection over union of masks of moving objects, and the share that they mask falsely.
     Mask(mask::Args),
-    /// Write the true poses that lie beside recorded images as a TUM trajectory.
+    /// Write the ground-truth poses beside recorded images as a trajectory.
     Truth(truth::Args),
 }
 
@@ -43,10 +43,10 @@ enum Metric {
 struct Relative {
     #[command(flatten)]
     files: Files,
-    /// Over one second, as the TUM scripts count it: the drift in m/s and deg/s.
+    /// Measure over one second, as the TUM scripts do: the drift in m/s and deg/s.
     #[arg(long, conflicts_with_all = ["delta_s", "max_time_difference"])]
     per_second: bool,
-    /// The same over this time.
+    /// Measure over this time.
     #[arg(long, value_name = "SECONDS", value_parser = time_delta)]
     #[arg(conflicts_with = "max_time_difference")]
     delta_s: Option<f64>,
@@ -60,12 +60,12 @@ impl Relative {
 
 #[derive(Debug, clap::Args)]
 struct Files {
-    /// The true trajectory: a TUM, KITTI or EuRoC file, or a recorded folder with groundtruth.txt (TUM)
-    /// or frame-*.pose.txt (7-Scenes).
+    /// The ground truth: a TUM, KITTI or EuRoC file, or a recorded folder with groundtruth.txt (TUM) or
+    /// frame-*.pose.txt (7-Scenes).
     truth: PathBuf,
-    /// The estimated trajectory, in a frame of its own.
+    /// The estimated trajectory, in any frame.
     estimate: PathBuf,
-    /// What both files are [default: told by names and first lines].
+    /// Format of both files [default: detected from names and first lines].
     #[arg(long, value_name = "FORMAT", value_parser = of_trajectories())]
     format: Option<TrajectoryFormat>,
     /// Timestamps match within this many seconds.

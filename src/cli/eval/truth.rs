@@ -23,7 +23,7 @@ pub(super) struct Args {
     folder: PathBuf,
     /// The trajectory to write, camera in world.
     out: PathBuf,
-    /// What to write.
+    /// Format of the trajectory.
     #[arg(long, value_name = "FORMAT", value_parser = of_trajectories(), default_value = "tum")]
     format: TrajectoryFormat,
     /// Print one JSON object instead of a sentence.

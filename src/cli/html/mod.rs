@@ -19,7 +19,7 @@ use crate::report::Page;
 /// The flag.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct ReportFlag {
-    /// Write a page with pictures and tables: one HTML file without scripts, for a browser.
+    /// Write a report with plots and tables: one HTML file without scripts, for a browser.
     #[arg(long = "report", value_name = "FILE")]
     pub(super) path: Option<PathBuf>,
 }

@@ -57,17 +57,17 @@ enum Action {
         #[command(flatten)]
         report: ReportFlag,
     },
-    /// Follow a job to its end: a line at each change.
+    /// Follow a job to its end and print a line at each change.
     Watch {
         /// The job.
         id: String,
     },
-    /// Ask a job to stop. What it would have changed stays as it was.
+    /// Ask a job to stop without applying its result.
     Cancel {
         /// The job.
         id: String,
     },
-    /// Forget a job that has ended, with its files.
+    /// Delete a job that has ended, with its files.
     Delete {
         /// The job.
         id: String,

@@ -24,18 +24,18 @@ use v1::job_spec::Spec;
 pub(super) struct Args {
     /// What to do.
     kind: Kind,
-    /// The map that it is done to.
+    /// The map that the job works on.
     #[arg(long, value_name = "NAME", conflicts_with = "file")]
     map: Option<String>,
     /// A problem to solve instead of a map: a BAL or g2o file, a folder with a COLMAP sparse model, or
     /// a folder of such problems. It is sent to the server.
     #[arg(long, value_name = "PATH")]
     file: Option<PathBuf>,
-    /// The job's name; the same name and arguments again answer the job that is there, but for files
-    /// [default: a new one].
+    /// The job's name. If you repeat the command with the same name and arguments, and without files, it
+    /// returns the existing job [default: a new name].
     #[arg(long, value_name = "NAME")]
     id: Option<String>,
-    /// Waiting jobs with a higher priority begin first, -100 to 100.
+    /// Waiting jobs with a higher priority start first, -100 to 100.
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     priority: i32,
     /// Wait for the job's end; the exit code is 1 if it does not succeed.
@@ -45,23 +45,24 @@ pub(super) struct Args {
     /// path, several into this folder.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
-    /// optimize-map, optimize-pose-graph on a map: most iterations [default: until it converges].
+    /// optimize-map, optimize-pose-graph on a map: maximum number of iterations [default: until it
+    /// converges].
     #[arg(long, value_name = "N")]
     max_iterations: Option<i32>,
-    /// optimize-map, optimize-pose-graph on a map: end after so long with the best state so far
+    /// optimize-map, optimize-pose-graph on a map: stop after this time with the best state so far
     /// [default: when it converges].
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     time_limit: Option<Duration>,
-    /// optimize-map on a map: free the cameras' intrinsics too; files always do.
+    /// optimize-map on a map: optimize the cameras' intrinsics too; with files this is always on.
     #[arg(long)]
     refine_intrinsics: bool,
-    /// compact: retire keyframes of which this share of the landmarks is seen by three others.
+    /// compact: retire a keyframe if three others see this share of its landmarks.
     #[arg(long, value_name = "SHARE")]
     redundant_share: Option<f64>,
     /// compact: keep the journal before the snapshot.
     #[arg(long)]
     keep_journal: bool,
-    /// evaluate: the truth as a TUM trajectory.
+    /// evaluate: the ground truth as a TUM trajectory.
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     /// evaluate: the client whose keyframes are compared [default: the map's only one].
@@ -80,17 +81,18 @@ pub(super) struct Args {
 enum Kind {
     /// Global bundle adjustment of a map, or of a BAL file or COLMAP folder.
     OptimizeMap,
-    /// The pose graph of a map, or of a g2o file.
+    /// Pose-graph optimization of a map, or of a g2o file.
     OptimizePoseGraph,
     /// Make a map smaller: drop the journal behind a snapshot, retire redundant keyframes.
     Compact,
-    /// Compare a trajectory of a map with the truth: APE and RPE.
+    /// Compare a trajectory of a map with the ground truth: APE and RPE.
     Evaluate,
     /// Write a map to files.
     Export,
     /// Solve problem files of any kind.
     Solve,
-    /// Poses and points of a map, or of a BAL file or COLMAP folder, anew from the observations alone.
+    /// Reconstruct the poses and points of a map, or of a BAL file or COLMAP folder, from the observations
+    /// alone.
     Rebuild,
 }
 

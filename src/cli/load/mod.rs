@@ -34,10 +34,10 @@ const PREFIX: &str = "covis-load";
 /// Arguments of `covis load`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// Maps, each with a client of its own.
+    /// Maps, each with its own client.
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     maps: u32,
-    /// Keyframes a second of each client.
+    /// Keyframes per second of each client.
     #[arg(long, value_name = "HZ", default_value_t = 2.0, value_parser = rate)]
     rate: f64,
     /// How long to send.

@@ -19,11 +19,11 @@ use crate::wire::v1;
 pub(super) struct Args {
     /// The map.
     name: String,
-    /// The client under whose name the edit is sent. Opening a stream ends one that is open under
-    /// the same name: never the name of a robot.
+    /// The client name under which the edit is sent. Do not use the name of a robot: opening a
+    /// stream ends another one that is open under the same name.
     #[arg(long, global = true, default_value = "editor", value_name = "NAME")]
     client: String,
-    /// Wait until the solves that the edit starts have ended, too.
+    /// Also wait until the solves that the edit starts have ended.
     #[arg(long, global = true)]
     optimized: bool,
     #[command(subcommand)]
@@ -36,11 +36,11 @@ enum Edit {
     RevokeConstraint {
         /// The client whose constraint it is.
         owner: String,
-        /// Its id; below zero for what the server added itself.
+        /// Its id; negative if the server added the constraint itself.
         #[arg(allow_negative_numbers = true)]
         id: i64,
     },
-    /// Remove what a keyframe sees of landmarks.
+    /// Remove a keyframe's observations of landmarks.
     RemoveObservations {
         /// The client whose keyframe it is.
         owner: String,
@@ -50,13 +50,13 @@ enum Edit {
         #[arg(required = true)]
         landmarks: Vec<Named>,
     },
-    /// Make several landmarks one.
+    /// Fuse several landmarks into one.
     FuseLandmarks {
         /// The client whose landmarks they are.
         owner: String,
-        /// The landmark that stays.
+        /// The landmark to keep.
         kept: i64,
-        /// The landmarks that go: ID of the same client, or CLIENT/ID.
+        /// The landmarks to fuse into it: ID of the same client, or CLIENT/ID.
         #[arg(required = true)]
         absorbed: Vec<Named>,
     },
@@ -87,7 +87,7 @@ enum Edit {
         /// snavely: focal k1 k2. Lengths in pixels.
         #[arg(required = true, allow_negative_numbers = true)]
         numbers: Vec<f64>,
-        /// Size of the image in pixels, for instance 640x480; as it is where absent.
+        /// Size of the image in pixels, for instance 640x480 [default: unchanged].
         #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
         size: Option<Size>,
     },

@@ -38,7 +38,7 @@ pub(in crate::cli) enum Format {
     /// Pose graph as the server solves it: relative poses that keyframes measure, and constraints that
     /// are not switched off. `covis solve pose-graph` finds the same poses.
     G2o,
-    /// Landmarks and trajectories for viewers; is not imported.
+    /// Landmarks and trajectories for viewers; cannot be imported.
     Ply,
     /// All of the map, to move it to another server.
     Covis,
@@ -98,10 +98,10 @@ pub(super) struct ImportArgs {
     name: String,
     /// The file; a folder for COLMAP, and for trajectories of several clients.
     path: PathBuf,
-    /// What the files are. Default: told by their names.
+    /// Format of the files [default: detected from their names].
     #[arg(long)]
     format: Option<Format>,
-    /// Owner of what comes from a format without clients.
+    /// Owner of the imported entities, if the format has no clients.
     #[arg(long, default_value = "import", value_name = "NAME")]
     client: String,
 }

@@ -12,11 +12,11 @@ use crate::wire::v1;
 /// Arguments of `covis map merge`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The map that takes the content.
+    /// The map to merge into.
     target: String,
-    /// The map that becomes part of it; its name leads to the target from then on.
+    /// The map to merge; afterwards its name refers to the target.
     source: String,
-    /// Another name for a client of the source, where the target has a client of that name.
+    /// A new name for a client of the source, if the target already has a client of that name.
     #[arg(long, value_name = "CLIENT=NEW", value_parser = pair)]
     rename: Vec<(String, String)>,
 }

@@ -55,25 +55,25 @@ enum Action {
         /// The map.
         name: String,
     },
-    /// Freeze a map: it can be read and takes no changes until it is opened again.
+    /// Freeze a map: it can be read but not changed until you unfreeze it.
     Freeze {
         /// The map.
         name: String,
     },
-    /// Open a frozen map again.
+    /// Unfreeze a map, so that it can be changed again.
     Unfreeze {
         /// The map.
         name: String,
     },
-    /// Change or remove what a map holds.
+    /// Change or remove content of a map.
     Edit(edit::Args),
-    /// Make a map part of another one that shows the same places.
+    /// Merge a map into another one that shows the same places.
     Merge(merge::Args),
     /// Take a map out of the one that it was merged into.
     Unmerge {
         /// The map that the other one is part of.
         target: String,
-        /// The map that is taken out.
+        /// The map to take out.
         source: String,
     },
     /// Delete a map with its journal.
@@ -85,10 +85,11 @@ enum Action {
     Export {
         /// The map.
         name: String,
-        /// What to write.
+        /// Format of the files.
         #[arg(long)]
         format: Format,
-        /// The file; a folder where there are several (COLMAP's three, trajectories of several clients).
+        /// The file to write, or a folder if there are several (COLMAP's three, trajectories of several
+        /// clients).
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
     },

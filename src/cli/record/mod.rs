@@ -40,15 +40,15 @@ pub(super) use of_run::{FrameWriter, RunRecording};
 pub(super) struct Args {
     /// The map.
     map: String,
-    /// The recording, as a rule with the ending .mcap; `-` is standard output.
+    /// The recording, usually with the extension .mcap; `-` is standard output.
     out: PathBuf,
-    /// Go on recording what changes, until ctrl-c, SIGTERM or the end of the map.
+    /// Keep recording changes until ctrl-c, SIGTERM or the end of the map.
     #[arg(long)]
     follow: bool,
-    /// Go on recording what changes for this long.
+    /// Keep recording changes for this long.
     #[arg(long = "for", value_name = "SECONDS", value_parser = seconds, conflicts_with = "follow")]
     for_s: Option<f64>,
-    /// While the map changes, write landmarks, trajectories and closures this often at most.
+    /// While the map changes, write landmarks, trajectories and closures at most this often.
     #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = seconds)]
     every: f64,
 }

@@ -52,29 +52,31 @@ const SHOWN_REJECTIONS: usize = 5;
 pub(super) struct Args {
     /// A BAL file, or the folder of a COLMAP sparse model (text or binary).
     file: PathBuf,
-    /// The map; made when it does not exist [default: the file's name].
+    /// Name of the map; it is created if it does not exist [default: the file's name].
     #[arg(long, value_name = "NAME")]
     map: Option<String>,
-    /// Add to a map that is not empty. A file that was sent before is recognized, nothing doubles.
+    /// Add to a map that is not empty. The server recognizes a file that was sent before and adds
+    /// nothing twice.
     #[arg(long, conflicts_with = "replace")]
     append: bool,
-    /// Delete what the map holds first.
+    /// Delete the map's content first.
     #[arg(long)]
     replace: bool,
-    /// Let solves run beside the stream: sooner done, but no longer the same bits every time.
+    /// Run solves in parallel with the stream: faster, but results are no longer reproducible to
+    /// the bit.
     #[arg(long)]
     no_lock_step: bool,
-    /// Send so many keyframes a second [default: as fast as the server takes them].
+    /// Send this many keyframes per second [default: as fast as the server takes them].
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// How long to try to reach a server that is not there, or went away, before giving up.
+    /// How long to retry when the server does not answer or disconnects, before giving up.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = seconds)]
     reconnect_for: Duration,
-    /// Keep what a server that is away has not taken in a file of this folder, beyond what memory
-    /// holds; the next run of the same recording onto the same map sends it first.
+    /// While the server is unreachable, store unsent items that do not fit in memory in a file in
+    /// this folder; the next run of the same recording onto the same map sends them first.
     #[arg(long, value_name = "DIR")]
     spill_dir: Option<PathBuf>,
-    /// Longest such file, bytes [default: 1 GiB].
+    /// Maximum size of that file, bytes [default: 1 GiB].
     #[arg(long, value_name = "N", requires = "spill_dir")]
     spill_bytes: Option<u64>,
     /// Print one JSON object instead of a table; also after a failure and on SIGTERM.

@@ -52,49 +52,50 @@ const CLIENT: &str = "frontend";
 pub(super) struct Args {
     /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
     source: Source,
-    /// The map to make on the server.
+    /// The map to create on the server.
     #[arg(long, value_name = "NAME", default_value = "run")]
     map: String,
-    /// Folder for trajectories and masks; made where it is missing.
+    /// Folder for trajectories and masks; it is created if it is missing.
     #[arg(long, value_name = "FOLDER", default_value = "covis-run")]
     out: PathBuf,
-    /// What the trajectories are written as.
+    /// Format of the trajectories.
     #[arg(long, value_name = "FORMAT", value_parser = of_trajectories(), default_value = "tum")]
     format: TrajectoryFormat,
     #[command(flatten)]
     recorded: Recorded,
-    /// From the first row's exposure to the last row's [default: what camera.txt says, else a
+    /// Time from the first row's exposure to the last row's [default: from camera.txt, else a
     /// Kinect's 26.1].
     #[arg(long, value_name = "MILLISECONDS")]
     readout_ms: Option<f64>,
-    /// How much later than their timestamps depth images are taken [default: what camera.txt says,
-    /// else -15].
+    /// How much later than their timestamps depth images are taken [default: from camera.txt, else
+    /// -15].
     #[arg(long, value_name = "MILLISECONDS", allow_negative_numbers = true)]
     depth_late_ms: Option<f64>,
-    /// Detect nothing that moves.
+    /// Do not detect moving objects.
     #[arg(long)]
     no_mask: bool,
-    /// Masks of what is known to move, one a frame: PNG, above 127 where it moves, named by the
-    /// frame's timestamp.
+    /// Masks of known moving objects, one PNG file per frame: above 127 where something moves,
+    /// named by the frame's timestamp.
     #[arg(long, value_name = "FOLDER")]
     mask_dir: Option<PathBuf>,
-    /// Write the masks of what moves to OUT/masks.
+    /// Write the masks of moving objects to OUT/masks.
     #[arg(long)]
     save_masks: bool,
-    /// Map densely: mesh.ply, mesh.glb and volume.covis in OUT.
+    /// Build a dense map: write mesh.ply, mesh.glb and volume.covis to OUT.
     #[arg(long)]
     mesh: bool,
     #[command(flatten)]
     measures: Measures,
-    /// Integrate every so many frames.
+    /// Integrate every Nth frame.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "mesh",
           value_parser = clap::value_parser!(u16).range(1..))]
     mesh_every: u16,
-    /// Wait at each keyframe until the server has solved it: slower, and each run gives the same
-    /// files, but for the times in its report. Otherwise tracking never waits for the server.
+    /// Wait at each keyframe until the server has solved it: slower, but each run gives the same
+    /// files, except for the times in its report. Without this flag tracking never waits for the
+    /// server.
     #[arg(long)]
     lock_step: bool,
-    /// Threads; with one, frames are decoded between others' tracking [default: all processors].
+    /// Threads; a single one decodes and tracks frames in turn [default: all processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
     threads: Option<u16>,
     #[command(flatten)]
@@ -102,7 +103,7 @@ pub(super) struct Args {
     /// Record the map, images of keyframes and figures to plot as MCAP, for Foxglove and Rerun.
     #[arg(long = "mcap", value_name = "FILE")]
     recording: Option<PathBuf>,
-    /// Where the page about the run goes, one HTML file without scripts [default: OUT/report.html; with
+    /// Where to write the report of the run, one HTML file without scripts [default: OUT/report.html; with
     /// --json none].
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,

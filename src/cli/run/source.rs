@@ -58,8 +58,8 @@ pub(in crate::cli) struct Recorded {
     /// Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3].
     #[arg(long, value_name = "FILE|NUMBERS")]
     camera: Option<String>,
-    /// Units of a depth image a meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000
-    /// for 7-Scenes].
+    /// Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout,
+    /// 1000 for 7-Scenes].
     #[arg(long, value_name = "N", value_parser = depth_scale)]
     depth_scale: Option<f32>,
 }

@@ -19,7 +19,7 @@ pub(super) type Robust = Option<Kernel>;
 
 /// Values of `--linear-solver`.
 pub(super) const SOLVERS: &Choices<LinearSolver> = &[
-    ("auto", LinearSolver::Auto, "Whichever suits the problem"),
+    ("auto", LinearSolver::Auto, "Chosen to suit the problem"),
     ("dense-schur", LinearSolver::DenseSchur, "A dense factorization"),
     ("sparse-schur", LinearSolver::SparseSchur, "A sparse factorization"),
     (
@@ -41,12 +41,12 @@ pub(super) const STARTS: &Choices<Start> = &[
     (
         "odometry",
         Start::Odometry,
-        "Measurements strung together between consecutive ids; closures only where those end",
+        "Measurements between consecutive ids, chained; closures only where such a chain ends",
     ),
     (
         "spanning-tree",
         Start::SpanningTree,
-        "Measurements strung together, as few as possible to each vertex",
+        "Measurements chained along a spanning tree, as few as possible to each vertex",
     ),
     ("chordal", Start::Chordal, "Relaxed rotations, then positions"),
     (
@@ -58,7 +58,7 @@ pub(super) const STARTS: &Choices<Start> = &[
 
 /// Values of `--robust`.
 pub(super) const KERNELS: &Choices<Robust> = &[
-    ("none", None, "All closures are taken for true"),
+    ("none", None, "Trust all closures"),
     ("gnc-tls", Some(Kernel::TruncatedLeastSquares), "Truncated least squares"),
     ("gnc-gm", Some(Kernel::GemanMcClure), "Geman-McClure"),
 ];
@@ -66,7 +66,7 @@ pub(super) const KERNELS: &Choices<Robust> = &[
 /// What both kinds of problem share.
 #[derive(Debug, clap::Args)]
 pub(super) struct Shared {
-    /// Most iterations, rejected ones included.
+    /// Maximum number of iterations, rejected ones included.
     #[arg(long, value_name = "N", default_value_t = 100)]
     pub(super) max_iterations: usize,
     /// Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations.

@@ -44,7 +44,7 @@ pub(super) struct Args {
     /// Hold focal lengths, distortion and principal points fixed.
     #[arg(long)]
     fix_intrinsics: bool,
-    /// Which intrinsics are free, of those that the model of a camera has: a list with commas.
+    /// Intrinsics to optimize, where the camera's model has them: a list with commas.
     #[arg(long, value_name = "KINDS", value_enum, value_delimiter = ',')]
     #[arg(conflicts_with = "fix_intrinsics")]
     #[arg(default_value = "focal-length,principal-point,distortion")]
@@ -52,11 +52,11 @@ pub(super) struct Args {
     /// How the reduced camera system is stored and factored.
     #[arg(long, value_name = "SOLVER", value_parser = choice(SOLVERS), default_value = "auto")]
     linear_solver: LinearSolver,
-    /// What becomes of observations whose landmark starts at or behind the camera's center plane.
+    /// What to do with observations whose landmark starts at or behind the camera's center plane.
     #[arg(long, value_name = "MODE", value_enum, default_value_t = BehindCamera::Count)]
     behind_camera: BehindCamera,
-    /// Throw poses and points of the file away and reconstruct them from its observations first; those
-    /// that do not agree are left out of the solve.
+    /// Discard the file's poses and points and reconstruct them from its observations first; the solve leaves
+    /// out observations that do not agree with the reconstruction.
     #[arg(long)]
     rebuild: bool,
 }
@@ -65,7 +65,7 @@ pub(super) struct Args {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum Intrinsics {
-    /// One focal length or two, as the model has.
+    /// One or two focal lengths, depending on the model.
     FocalLength,
     /// The principal point.
     PrincipalPoint,
@@ -87,9 +87,9 @@ impl From<ParameterKind> for Intrinsics {
 #[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 enum BehindCamera {
-    /// They count like all others.
+    /// Use them like all others.
     Count,
-    /// They are left out of the solve; the written file keeps them.
+    /// Leave them out of the solve; the written file keeps them.
     Drop,
 }
 

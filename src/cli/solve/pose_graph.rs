@@ -45,7 +45,7 @@ pub(super) struct Args {
     /// Levenberg-Marquardt or Gauss-Newton.
     #[arg(long, value_parser = choice(METHODS), default_value = "lm")]
     method: Method,
-    /// Where the poses come from that the solve starts with.
+    /// Initial poses of the solve.
     #[arg(long, value_parser = choice(STARTS), default_value = "auto")]
     init: Start,
     /// Find false loop closures (edges between ids that are not consecutive) and leave them out:
@@ -55,19 +55,20 @@ pub(super) struct Args {
     /// Largest χ² of a true closure [default: the 99 % quantile, 11.3 in SE2 and 16.8 in SE3].
     #[arg(long, value_name = "CHI2")]
     robust_threshold: Option<f64>,
-    /// A loop closure that `--robust` takes for true, by the ids of its ends; may be repeated.
+    /// A loop closure that `--robust` must trust, by the ids of its two vertices; may be repeated.
     #[arg(long, value_name = "FROM,TO", value_parser = ends, requires = "robust")]
     trusted: Vec<(i64, i64)>,
-    /// Start from the optimum of the chordal objective (SE-Sync's; no loss, isotropic weights) and
-    /// prove that it is the global one. The cost that is then reached is not proved to be.
+    /// Start from the optimum of SE-Sync's chordal objective (no loss, isotropic weights) and prove
+    /// that it is the global one. The proof does not cover the cost that the solve then reaches.
     #[arg(long)]
     certify: bool,
-    /// Take the nearest positive semi-definite matrix for each information matrix that has negative
-    /// eigenvalues, which is an error otherwise; --out writes them so.
+    /// Replace each information matrix that has negative eigenvalues by the nearest positive
+    /// semi-definite matrix; --out writes the replacements. Without this flag such a matrix is an
+    /// error.
     #[arg(long)]
     repair_information: bool,
-    /// Take the vertices one by one in id order, each with its edges to lower ids, and keep the
-    /// estimate at its optimum after each; tells how long a step takes.
+    /// Add the vertices one by one in id order, each with its edges to lower ids, and optimize
+    /// after each; reports how long a step takes.
     #[arg(long, conflicts_with_all = ["robust", "certify", "init", "method", "loss"])]
     incremental: bool,
 }
