@@ -43,7 +43,7 @@ pub enum ClientError {
     #[error("the token is empty or not one line of ASCII")]
     InvalidToken,
     /// A token that others on the network could read along; nothing was sent.
-    #[error("a token is not sent in plain text to {url}: take https")]
+    #[error("a token is not sent in plain text to {url}: use https")]
     TokenInPlainText { url: String },
     /// The server, or the link to it, ended a call.
     #[error("{rpc}: {}", describe(status))]
@@ -56,7 +56,7 @@ pub enum ClientError {
     #[error("{rpc}: {what}")]
     Protocol { rpc: &'static str, what: &'static str },
     /// An item that the server would not take because of its size; nothing was sent.
-    #[error("the item takes {bytes} bytes, the server takes messages of at most {limit}")]
+    #[error("the item has {bytes} bytes, and the server accepts messages of at most {limit}")]
     TooLarge {
         /// The message's size, bytes.
         bytes: usize,
@@ -77,13 +77,13 @@ pub enum ClientError {
     #[error("another stream of client {client_id} on map {map_id} has taken over")]
     Fenced { map_id: String, client_id: String },
     /// The map was deleted and made again while the session was open.
-    #[error("map {map_id} is another one than before (uid {uid}, was {expected})")]
+    #[error("map {map_id} is not the same map as before (uid {uid}, was {expected})")]
     MapReplaced { map_id: String, expected: String, uid: String },
     /// The server was started anew and no longer has the map: its journal was in memory.
     #[error("the server was restarted (instance {instance_id}) and has no map {map_id} any more")]
     ServerRestarted { map_id: String, instance_id: String },
     /// A map that does not settle, because it takes no changes.
-    #[error("map {map_id} is {state}: the work that it has left waits until it is open")]
+    #[error("map {map_id} is {state}: its remaining work waits until it is open")]
     MapNotOpen {
         map_id: String,
         /// `frozen` or `poisoned`.
@@ -91,11 +91,11 @@ pub enum ClientError {
     },
     /// The server no longer has items that it had acknowledged.
     #[error(
-        "the server lost items: it goes on at {next_sequence}, {acknowledged} was acknowledged"
+        "the server lost items: it continues at {next_sequence}, but {acknowledged} was acknowledged"
     )]
     ItemsLost { next_sequence: i64, acknowledged: i64 },
     /// The file of items that do not fit memory cannot be used.
-    #[error("{}: the items that wait there", path.display())]
+    #[error("{}: the file of waiting items", path.display())]
     Spill {
         path: PathBuf,
         #[source]
@@ -106,8 +106,8 @@ pub enum ClientError {
     SpillInUse { path: PathBuf },
     /// Items of an earlier session wait for a map that is gone. They are left as they are.
     #[error(
-        "{}: what waits there is for another map of this name (uid {expected}, this one is {uid}); \
-         remove the file to give it up",
+        "{}: its items are for another map of this name (uid {expected}, this one has {uid}); \
+         remove the file to discard them",
         path.display()
     )]
     SpillOfAnotherMap { path: PathBuf, expected: String, uid: String },

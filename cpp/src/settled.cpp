@@ -29,7 +29,7 @@ bool is_settled(const std::string& map_id, const Told& told, std::optional<Error
     const bool is_frozen = told.state() == v1::MAP_STATE_FROZEN;
     if (is_frozen || told.state() == v1::MAP_STATE_POISONED) {
         error.emplace(ErrorKind::kMapNotOpen, "map " + map_id + " is " + (is_frozen ? "frozen" : "poisoned") +
-                                                  ": the work that it has left waits until it is open");
+                                                  ": its remaining work waits until it is open");
     }
     return false;
 }

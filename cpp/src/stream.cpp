@@ -177,13 +177,13 @@ std::optional<Error> Stream::check_resumed(const v1::IngestOpened& opened) const
         return std::nullopt;
     }
     if (opened.map_uid() != first_.map_uid()) {
-        return Error(ErrorKind::kMapReplaced, "map " + map_id_ + " is another one than before (uid " +
+        return Error(ErrorKind::kMapReplaced, "map " + map_id_ + " is not the same map as before (uid " +
                                                   opened.map_uid() + ", was " + first_.map_uid() + ")");
     }
     if (opened.next_sequence() <= outbox_.released()) {
         return Error(ErrorKind::kItemsLost,
-                     "the server lost items: it goes on at " + std::to_string(opened.next_sequence()) +
-                         ", " + std::to_string(outbox_.released()) + " was acknowledged");
+                     "the server lost items: it continues at " + std::to_string(opened.next_sequence()) +
+                         ", but " + std::to_string(outbox_.released()) + " was acknowledged");
     }
     return std::nullopt;
 }

@@ -66,8 +66,8 @@ std::int64_t Stream::send(v1::IngestRequest item, bool is_solved, std::vector<st
     item.set_sequence(sequence);
     const std::size_t size = item.ByteSizeLong();
     if (size > static_cast<std::size_t>(first_.max_message_bytes())) {
-        throw Error(ErrorKind::kTooLarge, "the item takes " + std::to_string(size) +
-                                              " bytes, the server takes messages of at most " +
+        throw Error(ErrorKind::kTooLarge, "the item has " + std::to_string(size) +
+                                              " bytes, and the server accepts messages of at most " +
                                               std::to_string(first_.max_message_bytes()));
     }
     until(lock, std::nullopt, "", [this] { return is_closing_ || outbox_.has_room(); });

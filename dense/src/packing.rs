@@ -53,7 +53,7 @@ pub(super) fn unpack(frame: &[u8], blocks: usize) -> Result<Vec<(BlockKey, Block
     match zstd::bulk::decompress_to_buffer(frame, &mut bytes) {
         Ok(length) if length == bytes.len() => {}
         Ok(_) => return Err("has fewer bytes than its blocks need"),
-        Err(_reason) => return Err("is no zstd frame of its blocks' size"),
+        Err(_reason) => return Err("is not a zstd frame of its blocks' size"),
     }
     let (heads, voxels) = bytes.split_at(12 * blocks);
     let plane = VOXELS * blocks;

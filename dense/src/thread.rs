@@ -122,7 +122,7 @@ fn work(
                     // What is lost on disk is lost for other frames too.
                     Err(error @ DenseError::Frame(IntegrateError::Pages(_))) => return Err(error),
                     Err(DenseError::Frame(error)) => {
-                        tracing::warn!("a frame is not integrated: {error}");
+                        tracing::warn!("a frame was not integrated: {error}");
                         skipped += 1;
                     }
                     Err(error) => return Err(error),

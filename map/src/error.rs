@@ -52,7 +52,7 @@ pub enum MapError {
     #[error("revision {revision}: epoch {actual} does not fit the client's epoch {newest}")]
     Epoch { revision: i64, newest: i64, actual: i64 },
     /// The client's sequence is journaled already.
-    #[error("revision {revision}: sequence {sequence} of client {} stands already", .client.0)]
+    #[error("revision {revision}: sequence {sequence} of client {} is taken", .client.0)]
     SequenceTaken { revision: i64, client: ClientIndex, sequence: i64 },
     /// The event refers to something that the map does not hold.
     #[error("revision {revision}: {kind} {id} does not exist")]
@@ -73,6 +73,6 @@ pub enum MapError {
     #[error("{what}")]
     UnsoundMap { what: &'static str },
     /// The event carries a number that is not finite, or not positive where it has to be.
-    #[error("revision {revision}: {kind} {id} has a number that is not possible")]
+    #[error("revision {revision}: {kind} {id} has an invalid number")]
     ImpossibleNumber { revision: i64, kind: EntityKind, id: EntityId },
 }

@@ -60,7 +60,9 @@ fn retired(map: &Map, keyframe: EntityId, entity: &Keyframe) -> Retired {
     match marginalize_pose(&problem.problem, 0) {
         Ok(marginal) => keep(map, &problem, marginal, &mut retired),
         // Without a linearization no information is kept; the keyframe is removed all the same.
-        Err(error) => tracing::debug!(?keyframe, %error, "nothing stays of a keyframe"),
+        Err(error) => {
+            tracing::debug!(?keyframe, %error, "the information of a removed keyframe is lost")
+        }
     }
     retired
 }

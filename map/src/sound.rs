@@ -30,18 +30,15 @@ impl Map {
         let counts =
             [self.solve_count(), self.update_time_ns().saturating_sub(self.create_time_ns())];
         let counts = counts.into_iter().all(|count| count >= 0) && self.solve_count() <= MAX_NUMBER;
-        check_map(counts, "the map's times or its number of solves are not possible")?;
-        check_map(
-            (1..=MAX_NUMBER).contains(&self.revision()),
-            "the map's revision is not possible",
-        )?;
-        let text = "a loss, a threshold or the geodetic anchor of the map's policy is not possible";
+        check_map(counts, "the map's times or its number of solves are invalid")?;
+        check_map((1..=MAX_NUMBER).contains(&self.revision()), "the map's revision is invalid")?;
+        let text = "a loss, a threshold or the geodetic anchor of the map's policy is invalid";
         check_map(is_policy(self.policy()), text)?;
         self.clients_are_sound()?;
         for (&id, entity) in self.cameras() {
             self.own(id, EntityKind::Camera)?;
             let is_valid = is_valid_camera(&entity.camera);
-            check(is_valid, EntityKind::Camera, id, "has parameters that are not possible")?;
+            check(is_valid, EntityKind::Camera, id, "has invalid parameters")?;
         }
         self.keyframes().iter().try_for_each(|(&id, keyframe)| self.keyframe(id, keyframe))?;
         self.landmarks().iter().try_for_each(|(&id, landmark)| self.landmark(id, landmark))?;
@@ -51,7 +48,7 @@ impl Map {
                 off.is_possible(),
                 EntityKind::Constraint,
                 id,
-                "is switched off by what is no number",
+                "is switched off by a chi2 or weight that is not a number",
             )?;
         }
         for &id in self.duplicates().compared() {
@@ -66,13 +63,13 @@ impl Map {
         self.searches_are_sound()?;
         let clients = self.merged().iter().flat_map(|merged| &merged.clients);
         let known = clients.into_iter().all(|client| self.client(client.index).is_some());
-        check_map(known, "a merged map has a client that is not possible")?;
+        check_map(known, "a merged map has an invalid client")?;
         let placed = self.merged().iter().map(|merged| &merged.target_from_source);
         let placed = placed.into_iter().all(is_similarity);
-        check_map(placed, "a merged map lies where it cannot")?;
+        check_map(placed, "a merged map has an invalid pose or scale")?;
         let mut first = self.merged().iter().filter_map(|merged| merged.first);
         let first = first.all(|(id, pose)| self.client(id.client).is_some() && is_pose(&pose));
-        check_map(first, "the first keyframe of a merged map is not possible")?;
+        check_map(first, "the first keyframe of a merged map is invalid")?;
         for &(content, id) in self.contents().keys() {
             let (kind, is_known) = match content {
                 Content::Camera => (EntityKind::Camera, self.cameras().contains_key(&id)),
@@ -88,7 +85,7 @@ impl Map {
         let mut names: Vec<&str> = self.clients().iter().map(|c| c.name.as_str()).collect();
         names.sort_unstable();
         let twice = names.windows(2).any(|pair| pair[0] == pair[1]);
-        check_map(!twice, "two clients have one name")?;
+        check_map(!twice, "two clients have the same name")?;
         for client in self.clients() {
             let Client {
                 name: _,
@@ -108,22 +105,22 @@ impl Map {
                 && (0..*next_sequence).contains(optimized_sequence);
             let first = items.iter().next().is_none_or(|(&sequence, _)| sequence >= 1);
             let last = items.last_key_value().is_none_or(|(sequence, _)| sequence < next_sequence);
-            let text = "a client's epoch or sequences are not possible";
+            let text = "a client's epoch or sequences are invalid";
             check_map(numbers && first && last, text)?;
-            let text = "what is to be solved for a client is not possible";
+            let text = "a client's pending solve is invalid";
             let waits = |pending: &PendingSolve| {
                 (1..*next_sequence).contains(&pending.sequence)
                     && self.can_be_solved(&pending.request)
             };
             check_map(pending_solve.as_ref().is_none_or(waits), text)?;
             let frames = earlier_frames.len() <= super::frames::MOST_FRAMES;
-            let text = "a client's earlier frames are not possible";
+            let text = "a client's earlier frames are invalid";
             check_map(frames && earlier_frames.iter().all(is_pose), text)?;
-            let text = "a client's variance factor is not possible";
+            let text = "a client's variance factor is invalid";
             check_map(is_positive(*closure_variance), text)?;
-            let text = "the noise of a client is not possible";
+            let text = "the noise of a client is invalid";
             check_map(noise.is_possible(), text)?;
-            check_map(SCALES.contains(scale), "a client's scale is not possible")?;
+            check_map(SCALES.contains(scale), "a client's scale is invalid")?;
             let is_gone = !has_left || (*next_sequence == 1 && pending_solve.is_none());
             check_map(is_gone, "a client that left has items")?;
         }
@@ -133,10 +130,10 @@ impl Map {
     fn searches_are_sound(&self) -> Outcome {
         let (searches, kind) = (self.place_searches(), EntityKind::Keyframe);
         let numbers = (0..=self.revision()).contains(&searches.unsolved);
-        check_map(numbers, "the closures that are to be solved are not possible")?;
+        check_map(numbers, "the pending closures are invalid")?;
         for (&id, &revision) in &searches.pending {
             let is_possible = self.keyframes().contains_key(&id) && self.is_revision(revision);
-            check(is_possible, kind, id, "waits for a search that is not possible")?;
+            check(is_possible, kind, id, "waits for an invalid search")?;
         }
         for (&id, search) in &searches.done {
             // Candidates and closures may have gone since.
@@ -149,7 +146,7 @@ impl Map {
                 && candidates.len() <= PlaceSearch::MOST_CANDIDATES
                 && candidates.iter().all(|c| is_known(c.keyframe) && c.score.is_finite())
                 && search.closure.is_none_or(is_known);
-            check(is_possible, kind, id, "has a search that is not possible")?;
+            check(is_possible, kind, id, "has an invalid search")?;
         }
         Ok(())
     }
@@ -179,12 +176,15 @@ impl Map {
         let test = |holds, what| check(holds, EntityKind::Keyframe, id, what);
         self.own(id, EntityKind::Keyframe)?;
         let poses = is_pose(&keyframe.world_from_camera) && is_pose(&keyframe.odom_from_camera);
-        test(poses, "has a pose that is not possible")?;
-        test(self.is_revision(keyframe.added_revision), "was added at no revision of the map")?;
+        test(poses, "has an invalid pose")?;
+        test(
+            self.is_revision(keyframe.added_revision),
+            "has a revision that the map does not have",
+        )?;
         let sees = keyframe.camera.is_some() || keyframe.observations.is_empty();
-        test(sees, "observes without a camera")?;
+        test(sees, "has observations and no camera")?;
         let possible = keyframe.observations.iter().all(Observation::is_possible);
-        test(possible, "has an observation with a number that is not possible")?;
+        test(possible, "has an observation with an invalid number")?;
         let mut keys: Vec<_> = keyframe.observations.iter().map(Observation::key).collect();
         keys.sort_unstable();
         let twice = keys.windows(2).any(|pair| pair[0] == pair[1]);
@@ -198,7 +198,7 @@ impl Map {
         test(positions.iter().flatten().all(is_finite), "has a position that is not finite")?;
         let positioned = (0..=self.revision()).contains(&landmark.positioned_revision);
         let revisions = self.is_revision(landmark.added_revision) && positioned;
-        test(revisions, "was added at no revision of the map")?;
+        test(revisions, "has a revision that the map does not have")?;
         let observers = &landmark.observers;
         let reference = landmark.reference.is_none_or(|k| observers.binary_search(&k).is_ok());
         test(reference, "moves with a keyframe that does not see it")
@@ -212,15 +212,15 @@ impl Map {
             check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
             let ours = [ConstraintKind::Marginal, ConstraintKind::LoopClosure];
             let is_ours = ours.contains(&constraint.kind);
-            check(is_id(id, is_ours), kind, id, "has an id that is not possible")?;
+            check(is_id(id, is_ours), kind, id, "has an invalid id")?;
             let ends = constraint.keyframe_i != constraint.keyframe_j;
-            check(ends && constraint.is_possible(), kind, id, "measures what is not possible")?;
+            check(ends && constraint.is_possible(), kind, id, "has an invalid measurement")?;
         }
         for (&id, prior) in self.priors() {
             check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
-            check(is_id(id, true), kind, id, "has an id that is not possible")?;
+            check(is_id(id, true), kind, id, "has an invalid id")?;
             check(!self.constraints().contains_key(&id), kind, id, "is in the map twice")?;
-            check(prior.is_possible(), kind, id, "measures what is not possible")?;
+            check(prior.is_possible(), kind, id, "has an invalid measurement")?;
         }
         Ok(())
     }

@@ -27,7 +27,7 @@ fn of_system(kind: ErrorKind) -> Option<String> {
     if matches!(kind, ErrorKind::StorageFull | ErrorKind::QuotaExceeded) {
         return Some("make room, or write to another disk, and run it again".to_owned());
     }
-    let port = "another program, perhaps another covis, has this port: --listen takes another";
+    let port = "another program, perhaps another covis, uses this port: --listen sets another one";
     (kind == ErrorKind::AddrInUse).then(|| port.to_owned())
 }
 
@@ -36,7 +36,7 @@ fn of_client(error: &ClientError) -> Option<String> {
         let text: String = anyhow::Chain::new(source.as_ref()).map(ToString::to_string).collect();
         let is_https = url.starts_with("https:");
         let step = if is_https && text.contains("InvalidContentType") {
-            "the server speaks no TLS there: its URL begins with http://"
+            "the server does not use TLS: its URL begins with http://"
         } else if text.contains("certificate") {
             "--ca FILE names the authority that signed the server's certificate"
         } else {
@@ -46,8 +46,8 @@ fn of_client(error: &ClientError) -> Option<String> {
     }
     let step = match (error.code()?, error.reason().as_deref()) {
         (Code::Unauthenticated, _) => "--token-file FILE, or COVIS_TOKEN, gives the server a token",
-        (Code::NotFound, Some("MAP_NOT_FOUND")) => "`covis map list` shows the maps there are",
-        (Code::NotFound, Some("JOB_NOT_FOUND")) => "`covis job list` shows the jobs there are",
+        (Code::NotFound, Some("MAP_NOT_FOUND")) => "`covis map list` lists the server's maps",
+        (Code::NotFound, Some("JOB_NOT_FOUND")) => "`covis job list` lists the server's jobs",
         (_, Some("CLIENT_IN_BOTH")) => "--rename CLIENT=NEW gives the source's client another name",
         // No server of ours built this status: whoever is there did not understand the call.
         (Code::Unavailable | Code::Unknown | Code::Internal, None) => {

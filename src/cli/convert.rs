@@ -81,7 +81,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let content = from.entry().content;
     let told = args.to.or_else(|| Format::to_write(&args.output, content));
     let to = told.with_context(|| {
-        format!("{}: the name does not tell the format, --to does", args.output.display())
+        format!(
+            "{}: the format does not follow from the name; set it with --to",
+            args.output.display()
+        )
     })?;
     let (poses, landmarks, observations) = input.counts();
     let is_numbered = from.entry().content != Content::Trajectory
@@ -152,7 +155,7 @@ fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
         Format::Bundler => bundle(SparseModel::from_bundler(&BundlerFile::read(path)?)?),
         Format::G2o => Input::PoseGraph(G2oGraph::parse(&bytes, path)?),
         Format::Colmap(_) | Format::Ply => {
-            bail!("{}: covis writes {} and does not read it", path.display(), from.entry().name)
+            bail!("{}: covis writes {} but cannot read it", path.display(), from.entry().name)
         }
     };
     Ok((from, input))
@@ -162,7 +165,7 @@ fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
 fn take_times(args: &Args, input: &mut Input) -> anyhow::Result<()> {
     let Some(path) = &args.times else { return Ok(()) };
     let Input::Trajectory(trajectory) = input else {
-        bail!("--times is for trajectories, and {} is none", args.input.display())
+        bail!("--times is for trajectories, and {} is not one", args.input.display())
     };
     let times = read_times(path)?;
     ensure!(
@@ -216,7 +219,7 @@ fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<
                 let entry = format.entry();
                 format!("{} ({})", entry.name, entry.content.name())
             };
-            bail!("{} is not made of {}", named(to), named(from));
+            bail!("{} cannot be made from {}", named(to), named(from));
         }
     }
     Ok(())

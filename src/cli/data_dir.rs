@@ -116,9 +116,9 @@ pub(super) fn doctor(args: &DoctorArgs) -> anyhow::Result<()> {
         (false, false) => Repair::No,
     };
     let checkups = check_up(&args.data_dir, repair)
-        .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
+        .with_context(|| format!("cannot check {}", args.data_dir.display()))?;
     let jobs = &check_up_jobs(&args.data_dir)
-        .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
+        .with_context(|| format!("cannot check {}", args.data_dir.display()))?;
     drop(working);
     let damaged_maps = damaged(&checkups);
     let maps = checkups.iter().map(checked).collect();
@@ -151,7 +151,7 @@ pub(super) fn backup(args: &BackupArgs) -> anyhow::Result<()> {
     });
     let maps = maps.collect();
     let jobs = &check_up_jobs(&args.copy)
-        .with_context(|| format!("cannot look at {}", args.copy.display()))?;
+        .with_context(|| format!("cannot check {}", args.copy.display()))?;
     let damaged_jobs = damaged_jobs(jobs).count();
     let copy = Some(&args.copy);
     let document = Document { data_dir: None, copy, damaged_maps, maps, damaged_jobs, jobs };
@@ -175,7 +175,8 @@ pub(super) fn backup(args: &BackupArgs) -> anyhow::Result<()> {
 fn holds_maps(data_dir: &Path) -> anyhow::Result<()> {
     ensure!(
         data_dir.join("maps").is_dir(),
-        "{}: is no folder that a server keeps maps in; `covis serve` says at its start where that is",
+        "{}: is not a folder in which a server keeps maps; `covis serve` prints its folder when \
+         it starts",
         data_dir.display()
     );
     Ok(())

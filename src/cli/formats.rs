@@ -46,7 +46,7 @@ pub(super) fn read_trajectory(
         other @ (Format::Bal | Format::Bundler | Format::Colmap(_) | Format::G2o | Format::Ply) => {
             let (file, entry) = (path.display(), other.entry());
             bail!(
-                "{file}: is no trajectory but {} ({}); `covis convert` makes one of it",
+                "{file}: is not a trajectory but {} ({}); `covis convert` makes one from it",
                 entry.title,
                 entry.name
             )

@@ -33,7 +33,8 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     let server = config.server();
     let document = serde_json::json!({ "server": server, "serving": serving });
     show(args.json, &document, || {
-        let text = if serving { "serves" } else { "opens its maps or drains: calls are refused" };
+        let text =
+            if serving { "serves" } else { "is opening its maps or draining: it refuses calls" };
         format!("{server} {text}")
     })?;
     succeed_if(serving)

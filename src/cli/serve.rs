@@ -49,7 +49,7 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
     let data_dir = data_dir(config, |name| std::env::var_os(name), std::env::home_dir())?;
     let kept = match &data_dir {
         Some(directory) => format!("maps are kept in {}", directory.display()),
-        None => "maps are kept in memory, and gone at the end".to_owned(),
+        None => "maps are kept in memory, and lost when the server stops".to_owned(),
     };
     let address = listener.local_addr().context("the listener's address")?;
     let settings = ServerConfig { data_dir, ..guarded(config) };
@@ -73,7 +73,7 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
             () = reloads.next() => {
                 if let Err(error) = server.reload() {
                     let error = anyhow::Error::from(error);
-                    tracing::error!("nothing was reloaded, all is as it was: {error:#}");
+                    tracing::error!("nothing was reloaded, everything stays as it was: {error:#}");
                 }
             }
         }
@@ -99,9 +99,7 @@ fn shared(
     let address = match &config.advertise {
         Some(url) => url.clone(),
         None if address.ip().is_unspecified() => {
-            anyhow::bail!(
-                "clients that ask another server need --advertise: {address} is no address"
-            )
+            anyhow::bail!("clients of other servers need --advertise: they cannot reach {address}")
         }
         None => format!("{scheme}://{address}"),
     };

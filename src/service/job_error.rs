@@ -23,13 +23,13 @@ pub(in crate::service) enum JobError {
     #[error("job {job:?} changes map {map:?} and has not ended")]
     MapBusy { map: String, job: String },
     /// There is no such upload, or a job has taken it, or it has expired.
-    #[error("upload {upload:?} does not exist: it expires, and serves one job")]
+    #[error("upload {upload:?} does not exist: an upload expires, and one job can use it")]
     UploadNotFound { upload: String },
     /// The job made no such file.
     #[error("job {job:?} made no file {path:?}")]
     FileNotFound { job: String, path: String },
     /// There is no space, no descriptor or no memory just now; nothing was changed.
-    #[error("the store has run out of something for now: {cause}")]
+    #[error("the store is out of resources for now: {cause}")]
     Unavailable {
         /// What the system said, without paths of the server.
         cause: String,

@@ -59,7 +59,7 @@ impl Rpcs {
         let before = match after.as_str() {
             "" => i64::MAX,
             number => number.parse().map_err(|_error| {
-                let text = "no token that this server gave";
+                let text = "not a page token of this server";
                 ServiceError::field("page_token", Reason::OutOfRange, text)
             })?,
         };

@@ -77,7 +77,7 @@ fn binary_descriptor(
     if descriptor.kind == DescriptorKind::Binary {
         return Some(descriptor);
     }
-    let text = "places are found by BINARY descriptors of features only";
+    let text = "only BINARY descriptors of features find places";
     out.report(at.field("kind"), Reason::OutOfRange, text)
 }
 

@@ -75,12 +75,13 @@ pub enum ServerError {
     /// Others on the network could read the traffic.
     #[error(
         "plain text is served on loopback only, not on {address}: give a certificate and a key, \
-         or allow it by name"
+            or allow it explicitly"
     )]
     PlainText { address: SocketAddr },
     /// Others on the network could read the metrics.
     #[error(
-        "metrics are plain text and served on loopback only, not on {address}: allow plain text by name"
+        "metrics are plain text and served on loopback only, not on {address}: allow plain text \
+         explicitly"
     )]
     PlainMetrics { address: SocketAddr },
     /// The address for metrics cannot be bound.

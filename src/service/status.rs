@@ -152,7 +152,7 @@ impl From<ServiceError> for Status {
                 Parts::new(Code::Unauthenticated, "UNAUTHENTICATED", what)
             }
             ServiceError::RoleTooLow { needed } => {
-                let text = format!("the token's role does not cover this call: it takes {needed}");
+                let text = format!("the token's role does not cover this call: it needs {needed}");
                 Parts::new(Code::PermissionDenied, "ROLE_TOO_LOW", text).with("role", needed)
             }
             ServiceError::Starting => {

@@ -110,8 +110,7 @@ impl<'a, M: UploadMessage> Upload<'a, M> {
         };
         let v1::FileChunk { path, offset, data, last_chunk } = chunk;
         if path.is_empty() || path.len() > MAX_PATH || !path.chars().all(is_printable) {
-            let text =
-                "a path has 1 to 1024 bytes, no control characters and no marks of direction";
+            let text = "a path has 1 to 1024 bytes, no control characters and no direction marks";
             return protocol("chunk.path", text);
         }
         if data.len() > MAX_CHUNK {

@@ -85,7 +85,7 @@ pub enum StoreError {
     NotEmpty { path: String },
     /// There is no space, no descriptor or no memory just now. Nothing was changed; the same call
     /// succeeds once there is.
-    #[error("map {map:?}: the store has run out of something for now: {cause}")]
+    #[error("map {map:?}: the store is out of resources for now: {cause}")]
     Unavailable {
         map: String,
         /// What the system said, without the server's paths.

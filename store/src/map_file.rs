@@ -117,7 +117,9 @@ pub enum MapFileError {
         reason: String,
     },
     /// A later version wrote the file, and this one cannot read it.
-    #[error("the file needs version {needs} of the format, and {VERSION} is the latest known here")]
+    #[error(
+        "the file needs version {needs} of the format, and this covis reads up to version {VERSION}"
+    )]
     Later { needs: u32 },
     /// The caller stopped the reading.
     #[error("the reading was stopped")]
@@ -140,7 +142,7 @@ pub fn read_map_file(
     let damaged =
         |offset, reason: &str| MapFileError::Damaged { offset, reason: reason.to_owned() };
     if !head.starts_with(MAGIC) {
-        return Err(damaged(0, "it is no map of covis"));
+        return Err(damaged(0, "it is not a map of covis"));
     }
     if crc32c::crc32c(&head[..16]) != number(16) {
         return Err(damaged(8, "the checksum of the head does not fit"));
@@ -168,7 +170,7 @@ pub fn read_map_file(
             break;
         }
         if length > LONGEST_RECORD {
-            return Err(damaged(start, "the length of a record is not possible"));
+            return Err(damaged(start, "the length of a record is invalid"));
         }
         file.part(length, &mut part, &mut |bytes| more(Usage { bytes, ..counted }))?;
         if crc32c::crc32c(&part) != sum {

@@ -100,7 +100,7 @@ fn a_pose_graph_becomes_a_trajectory_by_its_ids() {
     assert!((turn - 0.5).abs() < 1e-12);
     workspace
         .run("convert graph.g2o model --to bal", &[])
-        .expect_failure(&["bal (images and points) is not made of g2o (pose graph)"]);
+        .expect_failure(&["bal (images and points) cannot be made from g2o (pose graph)"]);
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn what_cannot_be_converted_is_told_with_what_to_do() {
     workspace.file("graph.g2o", "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n");
     workspace
         .run("eval ape graph.g2o {}", &[&truth])
-        .expect_failure(&["graph.g2o: is no trajectory but pose graph", "covis convert"]);
+        .expect_failure(&["graph.g2o: is not a trajectory but pose graph", "covis convert"]);
     workspace.run("convert graph.g2o out.tum", &[]).expect_failure(&["edges only", "pose-graph"]);
 }
 

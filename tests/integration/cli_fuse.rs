@@ -128,9 +128,11 @@ fn a_volume_that_was_cut_short_or_changed_is_refused_with_a_reason() {
     let bytes = fs::read(workspace.path("a/volume.covis")).unwrap();
     let mut flipped = bytes.clone();
     flipped[bytes.len() / 2] ^= 4;
-    for (content, reason) in
-        [(&bytes[..bytes.len() - 1], "cut short"), (&flipped[..], "damaged"), (b"PLY", "no volume")]
-    {
+    for (content, reason) in [
+        (&bytes[..bytes.len() - 1], "truncated"),
+        (&flipped[..], "damaged"),
+        (b"PLY", "not a volume"),
+    ] {
         fs::write(workspace.path("damaged.covis"), content).unwrap();
         let said = failure(&workspace, "mesh damaged.covis out.ply");
         assert!(said.contains(reason), "{reason}: {said}");

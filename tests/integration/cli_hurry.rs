@@ -143,17 +143,17 @@ fn no_server_and_a_wrong_scheme_are_told_with_the_next_step() {
     let https = server.url.replace("http:", "https:");
     workspace
         .run(&format!("map list --server {https}"), &[])
-        .expect_failure(&["speaks no TLS there: its URL begins with http://"]);
+        .expect_failure(&["does not use TLS: its URL begins with http://"]);
     workspace
         .run(&format!("map show attic --server {}", server.url), &[])
-        .expect_failure(&["\"attic\" does not exist", "`covis map list` shows"]);
+        .expect_failure(&["\"attic\" does not exist", "`covis map list` lists"]);
     workspace
         .run(&format!("job show none --server {}", server.url), &[])
-        .expect_failure(&["\"none\" does not exist", "`covis job list` shows"]);
+        .expect_failure(&["\"none\" does not exist", "`covis job list` lists"]);
     let listen = server.url.strip_prefix("http://").unwrap();
     workspace
         .run(&format!("serve --in-memory --listen {listen}"), &[])
-        .expect_failure(&["cannot listen on", "--listen takes another"]);
+        .expect_failure(&["cannot listen on", "--listen sets another"]);
     workspace
         .run("serve --listen 127.0.0.1:0 --data-dir {}", &[&workspace.path("data")])
         .expect_failure(&["in use by another server", "stop that server"]);
@@ -176,7 +176,7 @@ fn a_folder_without_maps_is_distinguished_from_a_damaged_one() {
     for command in ["doctor none", "backup none copy"] {
         workspace
             .run(command, &[])
-            .expect_failure(&["none: is no folder that a server keeps maps in", "covis serve"]);
+            .expect_failure(&["none: is not a folder in which a server keeps maps", "covis serve"]);
     }
     assert!(!workspace.path("copy").exists());
 }
@@ -209,7 +209,7 @@ fn waiting_for_a_job_can_be_interrupted_and_the_job_goes_on() {
         });
         let (line, ran) = ran.await.unwrap();
         assert!(line.contains("long"), "{line}");
-        ran.expect_failure(&["interrupt; job long goes on", "covis job watch long"]);
+        ran.expect_failure(&["interrupt; job long continues", "covis job watch long"]);
         drop(busy);
         Jobs::of(&server).success("long").await;
     });

@@ -173,7 +173,7 @@ fn what_cannot_be_run_is_reported() {
     for (source, part) in [
         ("seq", "must be tum:FOLDER or synthetic:SCENE"),
         ("tum:", "must be tum:FOLDER or synthetic:SCENE"),
-        ("synthetic:beach", "no scene is called `beach`"),
+        ("synthetic:beach", "there is no scene `beach`"),
     ] {
         let ran = workspace.run(&format!("run {source}"), &[]);
         assert_eq!(ran.code, Some(2), "{source}");

@@ -233,7 +233,7 @@ fn a_monitoring_address_is_needed_of_each_nats_server() {
     command.args(["serve", "--listen", "127.0.0.1:0", "--nats", &urls, "--nats-monitoring", one]);
     command.arg("--data-dir").arg(workspace.path("a"));
     let ran = Ran::of(command.output().unwrap());
-    ran.expect_failure(&["3 NATS servers keep streams", "tell of 1"]);
+    ran.expect_failure(&["3 NATS servers keep streams", "are of 1"]);
 }
 
 #[test]

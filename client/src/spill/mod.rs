@@ -185,7 +185,7 @@ impl Spill {
         if let Err(error) = seek.and_then(|_| self.medium.write_all(&bytes)) {
             if !std::mem::replace(&mut self.is_failing, true) {
                 let path = self.path.display();
-                tracing::warn!(%error, "{path} takes no more: sending waits for the server");
+                tracing::warn!(%error, "cannot write to {path}: sending waits for the server");
             }
             // What was half written is written over, or cut off when the file is opened again.
             let _kept = self.medium.set_len(self.length);
@@ -291,7 +291,7 @@ impl Spill {
         io::copy(&mut self.medium.as_mut().take(bytes), &mut fs::File::create(&moved_to)?)?;
         self.medium.set_len(offset)?;
         tracing::warn!(
-            "{}: what begins at byte {offset} cannot be read, its {bytes} bytes were moved to {}",
+            "{}: the rest from byte {offset} cannot be read, its {bytes} bytes were moved to {}",
             self.path.display(),
             moved_to.display()
         );

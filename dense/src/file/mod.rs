@@ -64,17 +64,18 @@ pub enum VolumeFileError {
         message: String,
     },
     /// The file is of another kind.
-    #[error("this is no volume: it does not begin with \"covisvol\"")]
+    #[error("this is not a volume: it does not begin with \"covisvol\"")]
     Magic,
     /// Another version of covis wrote it.
-    #[error("the volume has version {found}, and {VERSION} is the only one known here")]
+    #[error("the volume has version {found}, and this covis reads version {VERSION} only")]
     Version {
         /// The file's version.
         found: u32,
     },
     /// Bytes are missing at the end.
     #[error(
-        "the volume is cut short: it has {length} bytes, what begins at byte {offset} ends at {end}"
+        "the volume is truncated: it has {length} bytes, and the part that begins at byte \
+         {offset} ends at {end}"
     )]
     CutShort {
         /// Bytes of the file.
@@ -106,7 +107,7 @@ pub enum VolumeFileError {
         what: &'static str,
     },
     /// There are bytes after the last chunk.
-    #[error("the volume ends at byte {offset}, the file does not")]
+    #[error("the volume ends at byte {offset}, and the file does not")]
     Trailing {
         /// Where the file should end.
         offset: u64,

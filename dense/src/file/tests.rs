@@ -108,9 +108,9 @@ fn numbers_that_lie_are_refused_although_checksums_fit() {
     let told = |change: &dyn Fn(&mut Vec<u8>)| {
         decode(&changed(&bytes, change)).map(|_| ()).unwrap_err().to_string()
     };
-    assert_eq!(told(&|b| b[0] = b'k'), "this is no volume: it does not begin with \"covisvol\"");
+    assert_eq!(told(&|b| b[0] = b'k'), "this is not a volume: it does not begin with \"covisvol\"");
     let version = told(&|b| b[8] = 2);
-    assert_eq!(version, "the volume has version 2, and 1 is the only one known here");
+    assert_eq!(version, "the volume has version 2, and this covis reads version 1 only");
     assert_eq!(
         told(&|b| b[12..16].copy_from_slice(&f32::NAN.to_le_bytes())),
         "the volume's voxel size is NaN"
@@ -119,12 +119,12 @@ fn numbers_that_lie_are_refused_although_checksums_fit() {
     // No memory is allocated for these.
     for blocks in [4, 1 << 20, u64::MAX] {
         let cut = told(&|b| b[24..32].copy_from_slice(&blocks.to_le_bytes()));
-        assert!(cut.starts_with("the volume is cut short"), "{cut}");
+        assert!(cut.starts_with("the volume is truncated"), "{cut}");
     }
     let one = told(&|b| b[24..32].copy_from_slice(&1_u64.to_le_bytes()));
-    assert_eq!(one, "chunk 0, at byte 36, is no zstd frame of its blocks' size");
+    assert_eq!(one, "chunk 0, at byte 36, is not a zstd frame of its blocks' size");
     let frame = told(&|b| b[HEADER + CHUNK_HEAD] ^= 0x55);
-    assert_eq!(frame, "chunk 0, at byte 36, is no zstd frame of its blocks' size");
+    assert_eq!(frame, "chunk 0, at byte 36, is not a zstd frame of its blocks' size");
     let twice = volume(CENTIMETER, [0; 3], [0; 3], |_| None);
     let mut header = bytes_of(twice.clone())[..HEADER].to_vec();
     header[24] = 2;

@@ -40,7 +40,7 @@ pub enum DenseError {
     #[error("the log of dense mapping's frames: {0}")]
     Log(#[from] io::Error),
     /// No page file can be made for blocks on disk.
-    #[error("no page file can be made: {0}")]
+    #[error("the page file cannot be created: {0}")]
     PageFile(io::Error),
 }
 

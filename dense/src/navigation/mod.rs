@@ -41,13 +41,13 @@ impl Default for NavigationOptions {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NavigationError {
     /// Up is no direction.
-    #[error("up is ({}, {}, {}), which is no direction", up.x, up.y, up.z)]
+    #[error("up is ({}, {}, {}), which is not a direction", up.x, up.y, up.z)]
     Up {
         /// What was given.
         up: Vector3<f64>,
     },
     /// The heights are no range.
-    #[error("heights from {} to {} m are no range", heights_m[0], heights_m[1])]
+    #[error("heights from {} to {} m are not a range", heights_m[0], heights_m[1])]
     Heights {
         /// What was given.
         heights_m: [f64; 2],

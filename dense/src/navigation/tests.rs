@@ -156,10 +156,10 @@ fn what_makes_no_sense_is_refused() {
         occupancy_grid(volume, &options).unwrap_err().to_string()
     };
     let up = |x| NavigationOptions { up: Vector3::new(x, 0.0, 0.0), ..HEIGHTS };
-    assert_eq!(told(&mut room, up(0.0)), "up is (0, 0, 0), which is no direction");
-    assert_eq!(told(&mut room, up(f64::NAN)), "up is (NaN, 0, 0), which is no direction");
+    assert_eq!(told(&mut room, up(0.0)), "up is (0, 0, 0), which is not a direction");
+    assert_eq!(told(&mut room, up(f64::NAN)), "up is (NaN, 0, 0), which is not a direction");
     let heights = NavigationOptions { heights_m: [1.0, 0.5], ..HEIGHTS };
-    assert_eq!(told(&mut room, heights), "heights from 1 to 0.5 m are no range");
+    assert_eq!(told(&mut room, heights), "heights from 1 to 0.5 m are not a range");
     assert_eq!(told(&mut PagedVolume::new(GRID), HEIGHTS), "the volume is empty");
     let mut wide = Volume::new(GRID);
     for x in [i32::MIN, i32::MAX] {

@@ -34,7 +34,7 @@ pub enum DecodeError {
     #[error("neither PNG nor JPEG")]
     Format,
     /// The image has no pixels or too many a side.
-    #[error("{width}x{height} pixels, more than {MAX_SIDE} a side or none")]
+    #[error("{width}x{height} pixels, and each side must have 1 to {MAX_SIDE}")]
     Side {
         /// Columns.
         width: usize,
@@ -64,7 +64,7 @@ pub enum DecodeError {
     #[error("JPEG: {0:?}")]
     Jpeg(DecodeErrors),
     /// Depth is a gray PNG with 16 bits.
-    #[error("not depth: {color:?} with {bits} bits, not gray with 16")]
+    #[error("not a depth image: {color:?} with {bits} bits, not gray with 16")]
     NotDepth {
         /// What a pixel holds.
         color: ColorType,

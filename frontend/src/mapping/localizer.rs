@@ -98,7 +98,7 @@ async fn localize(
             Located { revision: found.revision, answer }
         }
         Err(error) => {
-            tracing::debug!(%error, "the server does not tell where the camera is");
+            tracing::debug!(%error, "the server did not localize the camera");
             tokio::time::sleep(pause).await;
             Located { revision: 0, answer: Answer { number, world_from_camera: None } }
         }

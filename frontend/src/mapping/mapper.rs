@@ -296,7 +296,7 @@ impl Sender {
 
     /// Ends the session for a reason; the first one counts.
     fn fail(&mut self, error: ClientError) {
-        tracing::warn!(%error, "tracking goes on without the server");
+        tracing::warn!(%error, "tracking continues without the server");
         self.failure.get_or_insert(error);
     }
 }

@@ -82,7 +82,7 @@ impl fmt::Display for SceneName {
 
 /// A name that no scene has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no scene is called `{name}`; there are {}", SceneName::ALL.map(SceneName::as_str).join(", "))]
+#[error("there is no scene `{name}`; the scenes are {}", SceneName::ALL.map(SceneName::as_str).join(", "))]
 pub struct UnknownScene {
     /// What was asked for.
     pub name: String,
@@ -293,7 +293,7 @@ mod tests {
             assert_eq!(scene.to_string().parse(), Ok(scene));
         }
         let error = "beach".parse::<SceneName>().unwrap_err().to_string();
-        assert!(error.starts_with("no scene is called `beach`; there are static, walking"));
+        assert!(error.starts_with("there is no scene `beach`; the scenes are static, walking"));
     }
 
     #[test]

@@ -49,7 +49,7 @@ struct Fit<'a> {
 type Outcome = Result<(), MapError>;
 
 fn policy_fits(policy: &MapPolicy) -> Outcome {
-    let what = "the policy has a loss, a threshold or an anchor that is not possible";
+    let what = "the policy has an invalid loss, threshold or anchor";
     if is_policy(policy) { Ok(()) } else { Err(MapError::UnsoundMap { what }) }
 }
 

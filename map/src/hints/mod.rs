@@ -180,7 +180,7 @@ fn size_hint(views: &[View<'_>]) -> Option<(HintKind, String)> {
     let depth = median(depths)?;
     (depth > FAR_M).then(|| {
         let text = format!(
-            "measured depths are typically {depth:.0} m: no camera measures so far; millimeters?"
+            "measured depths are typically {depth:.0} m: no camera measures that far; millimeters?"
         );
         (HintKind::SceneSize, text)
     })
@@ -227,8 +227,8 @@ impl ImageShares {
         let share = share(self.outside, self.count)?;
         (share > MOST_OUTSIDE).then(|| {
             let text = format!(
-                "{:.0} % of the pixels lie outside the image: its size, or what the pixels are of, is \
-                 another one",
+                "{:.0} % of the pixels lie outside the image: the camera states another size, or \
+                 the pixels are of another image",
                 100.0 * share
             );
             (HintKind::PixelsOutsideImage, text)

@@ -122,12 +122,12 @@ fn is_rival(evidence: usize, most: usize) -> bool {
 
 fn ambiguous(own: usize, other: usize) -> PlaceRefusal {
     let text =
-        format!("another candidate has a pose elsewhere by {other} inliers, this one by {own}");
+        format!("another candidate has a pose elsewhere with {other} inliers, this one has {own}");
     PlaceRefusal::new("ambiguous", &text)
 }
 
 fn outweighed(own: usize, most: usize) -> PlaceRefusal {
-    let text = format!("{own} matches or inliers beside the {most} inliers of another candidate");
+    let text = format!("{own} matches or inliers, and another candidate has {most} inliers");
     PlaceRefusal::new("outweighed", &text)
 }
 

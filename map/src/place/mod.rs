@@ -66,7 +66,9 @@ pub enum PlaceError {
     #[error("descriptor {number} has {bytes} bytes, not 16 to 512")]
     Length { number: usize, bytes: usize },
     /// The descriptor of a whole image has no direction.
-    #[error("the {bytes} bytes of the image's descriptor are no finite 32-bit floats other than 0")]
+    #[error(
+        "the {bytes} bytes of the image's descriptor are not finite 32-bit floats, or all are 0"
+    )]
     WholeImage { bytes: usize },
     /// Too many features in one keyframe.
     #[error("{count} descriptors named {name:?} in one keyframe, more than 4096")]

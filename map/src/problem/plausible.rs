@@ -55,8 +55,8 @@ impl std::fmt::Display for Held {
         f.write_str(match self {
             Self::Unmeasured => "too little measures a keyframe",
             Self::Behind => "landmarks would lie behind a camera",
-            Self::Worse => "what a keyframe sees would fit much worse than before",
-            Self::Undetermined => "a keyframe would move far along what nothing measures",
+            Self::Worse => "a keyframe's observations would fit much worse than before",
+            Self::Undetermined => "a keyframe would move far in a direction that nothing measures",
             Self::Scale => "its scale would change, which nothing measures",
         })
     }

@@ -95,7 +95,7 @@ class TooLarge(CovisError, ValueError):
     """An item that the server would not take because of its size; nothing was sent."""
 
     def __init__(self, size: int, limit: int) -> None:
-        super().__init__(f"the item takes {size} bytes, the server takes messages of at most {limit}")
+        super().__init__(f"the item has {size} bytes, and the server accepts messages of at most {limit}")
         self.size = size
         self.limit = limit
 
@@ -145,7 +145,7 @@ class MapReplaced(CovisError):
     """The map was deleted and made again while the session was open."""
 
     def __init__(self, map_id: str, expected: str, uid: str) -> None:
-        super().__init__(f"map {map_id} is another one than before (uid {uid}, was {expected})")
+        super().__init__(f"map {map_id} is not the same map as before (uid {uid}, was {expected})")
 
 
 class ServerRestarted(CovisError):
@@ -161,7 +161,7 @@ class MapNotOpen(CovisError):
     """A map that does not settle, because it takes no changes: its work waits."""
 
     def __init__(self, map_id: str, state: str) -> None:
-        super().__init__(f"map {map_id} is {state}: the work that it has left waits until it is open")
+        super().__init__(f"map {map_id} is {state}: its remaining work waits until it is open")
         self.state = state
         """"frozen" or "poisoned"."""
 
@@ -171,7 +171,7 @@ class ItemsLost(CovisError):
 
     def __init__(self, next_sequence: int, acknowledged: int) -> None:
         super().__init__(
-            f"the server lost items: it goes on at {next_sequence}, {acknowledged} was acknowledged"
+            f"the server lost items: it continues at {next_sequence}, but {acknowledged} was acknowledged"
         )
 
 

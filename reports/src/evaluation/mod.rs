@@ -39,7 +39,9 @@ pub use statistics::Statistics;
 #[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum EvaluationError {
     /// No pose of one has a partner in the other.
-    #[error("no timestamps of truth and estimate are within {max_difference_s} s of each other")]
+    #[error(
+        "no timestamps of ground truth and estimate are within {max_difference_s} s of each other"
+    )]
     NoMatches {
         /// The largest difference that was allowed, in seconds.
         max_difference_s: f64,
@@ -54,14 +56,14 @@ pub enum EvaluationError {
     #[error("the time between two poses is {value} s; it must be finite and positive")]
     InvalidDelta { value: f64 },
     /// Too few poses of the estimate are this far apart and have a truth.
-    #[error("{pairs} pairs of poses are {delta_s} s apart and have a truth; two are needed")]
+    #[error("{pairs} pairs of poses are {delta_s} s apart and have ground truth; two are needed")]
     TooFewApart {
         pairs: usize,
         /// The time between the poses of a pair, in seconds.
         delta_s: f64,
     },
     /// Two masks of one frame differ in size.
-    #[error("the true mask has {truth} pixels, the estimated one {estimate}")]
+    #[error("the ground-truth mask has {truth} pixels, the estimated one {estimate}")]
     UnequalMasks {
         /// Pixels of the truth.
         truth: usize,

@@ -112,7 +112,7 @@ pub fn lines(labels: Labels<'_>, span: Span, lines: &[Line]) -> Picture {
     }
     let named = lines.iter().filter_map(|line| Some((line.name.as_deref()?, line.role)));
     legend(&mut body, &named.collect::<Vec<_>>());
-    let by_powers = if kind == Kind::Log { " The axis is by powers of ten." } else { "" };
+    let by_powers = if kind == Kind::Log { " The axis is logarithmic." } else { "" };
     let description = format!("{}{by_powers}", labels.description);
     Picture::new(labels.title, &description, (WIDTH, HEIGHT), body)
 }

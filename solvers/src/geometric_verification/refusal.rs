@@ -16,7 +16,7 @@ pub enum Refusal {
         needed: usize,
     },
     /// No pose has so many inliers that chance is excluded.
-    #[error("{inliers} inliers, fewer than {needed}, which chance does not give")]
+    #[error("{inliers} inliers, fewer than {needed}: chance may explain them")]
     TooFewInliers {
         /// Inliers of the best pose; of those that show one patch of the scene, one.
         inliers: usize,
@@ -30,7 +30,7 @@ pub enum Refusal {
         share: f64,
     },
     /// The inliers may lie on an object that moves, or on a picture that exists twice.
-    #[error("the inliers take {share:.3} of the image")]
+    #[error("the inliers cover {share:.3} of the image")]
     SmallRegion {
         /// Share of the area that features have in the image where it is smaller.
         share: f64,
@@ -42,7 +42,7 @@ pub enum Refusal {
         chi2: f64,
     },
     /// The inliers leave a direction open.
-    #[error("the pose is known to {rotation_rad:.3} rad and {distance:.3} of the distance only")]
+    #[error("the pose is known only to {rotation_rad:.3} rad and {distance:.3} of the distance")]
     Undetermined {
         /// Largest standard deviation of the rotation, rad.
         rotation_rad: f64,
@@ -60,7 +60,7 @@ pub enum Refusal {
         independent: usize,
     },
     /// Other matches agree on another pose: the scene repeats itself.
-    #[error("another pose has {rival} inliers beside the {inliers} of the best one")]
+    #[error("another pose has {rival} inliers, and the best one has {inliers}")]
     Ambiguous {
         /// Inliers of the best pose.
         inliers: usize,

@@ -141,7 +141,7 @@ pub enum IoError {
         field: String,
     },
     /// Something follows where the record or the file must end.
-    #[error("{location}: `{found}` follows where nothing more belongs")]
+    #[error("{location}: unexpected `{found}` after the last field")]
     Trailing {
         /// Where.
         location: Location,
@@ -181,7 +181,7 @@ pub enum IoError {
         count: u64,
     },
     /// Two records share an id.
-    #[error("{location}: {field} {id} stands twice")]
+    #[error("{location}: {field} {id} occurs twice")]
     DuplicateId {
         /// Where the second one stands.
         location: Location,
@@ -201,7 +201,7 @@ pub enum IoError {
         id: i128,
     },
     /// An edge ties a vertex to itself.
-    #[error("{location}: the edge ties vertex {id} to itself")]
+    #[error("{location}: the edge connects vertex {id} to itself")]
     SelfEdge {
         /// Where.
         location: Location,
@@ -218,7 +218,8 @@ pub enum IoError {
     },
     /// A matrix is no rigid motion.
     #[error(
-        "{location}: the matrix is no rigid motion, an element is off by {deviation:.3e} or it mirrors"
+        "{location}: the matrix is not a rigid motion: an element is off by {deviation:.3e}, or \
+         it is a reflection"
     )]
     NotRigid {
         /// Where it begins.

@@ -83,7 +83,7 @@ pub enum SolveError {
         pieces: Vec<Piece>,
     },
     /// Two variables share an id.
-    #[error("{what} id {id} stands twice")]
+    #[error("{what} id {id} occurs twice")]
     DuplicateId {
         /// The kind of variable.
         what: &'static str,
@@ -108,7 +108,7 @@ pub enum SolveError {
     #[error(transparent)]
     TooExpensive(#[from] TooExpensive),
     /// The time was up, or the caller left, before there was anything to answer but the start.
-    #[error("the time was up before the solve began")]
+    #[error("the time limit passed before the solve began")]
     Interrupted,
     /// The worker threads could not be started.
     #[error("{count} worker threads could not be started")]

@@ -162,13 +162,15 @@ pub enum Unplaced {
         needed: usize,
     },
     /// No other keyframe agrees with it on a relative pose.
-    #[error("with none of {pairs} keyframes enough common landmarks agree on a relative pose")]
+    #[error(
+        "none of {pairs} keyframes shares enough landmarks with it that agree on a relative pose"
+    )]
     NoRelativePose {
         /// Pairs that were measured.
         pairs: usize,
     },
     /// It belongs to a smaller piece that nothing ties to the largest one.
-    #[error("it is disconnected: with {others} others it shares no landmarks with the rest")]
+    #[error("it is disconnected: it and {others} others share no landmarks with the rest")]
     Disconnected {
         /// Other keyframes of its piece.
         others: usize,
@@ -186,7 +188,7 @@ pub enum Unplaced {
         needed: usize,
     },
     /// The time was up, or the caller left, before it was placed.
-    #[error("the time was up")]
+    #[error("the time limit passed")]
     Interrupted,
 }
 

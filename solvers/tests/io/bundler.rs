@@ -67,7 +67,7 @@ fn bad_files_are_refused_by_line_and_field() {
         (String::new(), &["line 1", "camera count is missing"]),
         ("# x\n1000000 1\n".to_owned(), &["line 2", "camera count says 1000000"]),
         (SMALL.replace("2 1\n0 0 0", "2 1\n0 nan 0"), &["line 3", "focal length, k1, k2[1]"]),
-        (SMALL.replace("1 0 0\n0 1 0", "2 0 0\n0 1 0"), &["line 9", "no rigid motion"]),
+        (SMALL.replace("1 0 0\n0 1 0", "2 0 0\n0 1 0"), &["line 9", "not a rigid motion"]),
         (SMALL.replace(point, "0 0 0\n256 0 0\n0\n"), &["line 14", "red", "`256`"]),
         (SMALL.replace("1 1 7 5 10", "9 1 7 5 10"), &["line 15", "view count says 9"]),
         (SMALL.replace("1 1 7 5 10", "1 0 7 5 10"), &["line 15", "reconstructed camera 0"]),

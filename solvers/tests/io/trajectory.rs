@@ -86,7 +86,7 @@ fn bad_lines_of_kitti_and_euroc_are_refused_by_line_and_field() {
     let table: &[(TrajectoryFormat, &str, &[&str])] = &[
         (kitti, "1 0 0 5 0 0 -1 6 0 1 0\n", &["t.txt, line 1", "row 2[3] is missing"]),
         (kitti, "#\n1 0 0 5 0 0 -1 6 0 1 0 7 8\n", &["line 2", "`8` follows"]),
-        (kitti, "1 0 0 5 0 0 1 6 0 1 0 7\n", &["line 1", "no rigid motion"]),
+        (kitti, "1 0 0 5 0 0 1 6 0 1 0 7\n", &["line 1", "not a rigid motion"]),
         (kitti, "1 0 0 x 0 0 -1 6 0 1 0 7\n", &["line 1", "row 0[3]", "`x`"]),
         (euroc, "1,2,3\n", &["line 1", "position[2] is missing"]),
         (euroc, "1,2,,3,1,0,0,0\n", &["line 1", "position[1] cannot be ``"]),

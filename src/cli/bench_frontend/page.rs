@@ -9,7 +9,7 @@ use crate::report::{Page, Table, count, number};
 /// The page about all sequences.
 pub(super) fn page(rows: &[Row]) -> Page {
     let facts = [("sequences", count(rows.len()))];
-    let mut page = html::page("The reference frontend against the truth", &facts);
+    let mut page = html::page("The reference frontend against ground truth", &facts);
     page.section("Errors");
     let figure = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), number);
     let cells = |row: &Row, run: &str, figures: &RunFigures| {
@@ -40,7 +40,7 @@ pub(super) fn page(rows: &[Row]) -> Page {
         "track p50, ms",
         "track p99, ms",
     ];
-    let caption = "Drift is the RPE over 1 s (RMSE); – is what is not known";
+    let caption = "Drift is the RPE over 1 s (RMSE); – means not known";
     page.table(&Table::new(caption, &head, runs.collect()));
     for row in rows {
         if let Some(error) = &row.error {

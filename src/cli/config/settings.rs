@@ -232,7 +232,7 @@ impl Config {
             (
                 self.tls_cert.is_some() == self.tls_key.is_some(),
                 "tls_cert",
-                "belongs with tls_key: one of them is missing",
+                "needs tls_key, and tls_key needs it: one of them is missing",
             ),
             (
                 self.tls_client_ca.is_none() || self.tls_cert.is_some(),
@@ -242,7 +242,7 @@ impl Config {
             (
                 jwt == [jwt[0]; 3],
                 "jwks",
-                "belongs with jwt_issuer and jwt_audience: one is missing",
+                "needs jwt_issuer and jwt_audience, and they need it: one is missing",
             ),
             (
                 self.max_message_bytes.is_none_or(|bytes| bytes >= LEAST_MESSAGE_BYTES),
@@ -263,12 +263,12 @@ impl Config {
             (
                 !self.in_memory || self.data_dir.is_none(),
                 "in_memory",
-                "excludes data_dir: maps are kept here or there",
+                "excludes data_dir: set one of the two",
             ),
             (
                 self.nats.is_none() || !self.in_memory,
                 "nats",
-                "excludes in_memory: what is acknowledged is on this server's disk too",
+                "excludes in_memory: this server keeps acknowledged items on its disk too",
             ),
             (
                 matches!(self.nats_replicas, None | Some(1 | 3 | 5)),

@@ -82,9 +82,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
 fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
     let facts = [
         ("frames", count(frames.len())),
-        ("frames with something that moves", count(evaluation.iou.count)),
+        ("frames with moving objects", count(evaluation.iou.count)),
     ];
-    let mut page = html::page("Masks of what moves", &facts);
+    let mut page = html::page("Masks of moving objects", &facts);
     let row = |name: &str, s: &Statistics| {
         let figures = [s.mean, s.median, s.min, s.max].map(number);
         std::iter::once(name.to_owned()).chain(figures).collect::<Vec<_>>()
@@ -152,7 +152,7 @@ pub(in crate::cli) fn compare(truth: &Path, estimate: &Path) -> anyhow::Result<C
     }
     ensure!(
         !frames.is_empty(),
-        "no masks of {} and {} are of the same time",
+        "no masks of {} and {} have the same time",
         truth.display(),
         estimate.display()
     );
@@ -164,7 +164,7 @@ fn table(document: &Document, evaluation: &MaskEvaluation) -> String {
     let mut text = format!("masks of {frames} frames");
     if truth_only + estimate_only > 0 {
         let more = format!(
-            " ({truth_only} true ones have no estimate, {estimate_only} estimates no truth)"
+            " ({truth_only} true ones have no estimate, {estimate_only} estimates have no ground truth)"
         );
         text.push_str(&more);
     }
@@ -204,7 +204,7 @@ fn list(folder: &Path) -> anyhow::Result<Vec<Listed>> {
     if let Some(twins) = masks.windows(2).find(|pair| pair[1].time_s - pair[0].time_s < SAME_TIME_S)
     {
         let [first, second] = [0, 1].map(|k| twins[k].path.display());
-        bail!("{first} and {second} are masks of the same time");
+        bail!("{first} and {second} have the same time");
     }
     Ok(masks)
 }

@@ -155,7 +155,7 @@ async fn to_end(
     tokio::select! {
         job = follow(client, id, on_change) => job,
         signal = signals.next() => anyhow::bail!(
-            "{signal}; job {id} goes on: `covis job watch {id}` follows it, `covis job cancel {id}` \
+            "{signal}; job {id} continues: `covis job watch {id}` follows it, `covis job cancel {id}` \
              stops it"
         ),
     }

@@ -230,7 +230,7 @@ pub(super) fn details(map: &Document) -> String {
     }
     rows.extend(map.state_hash.clone().map(|hash| ("state hash", hash)));
     for c in &map.clients {
-        let text = format!("{}, epoch {}, goes on at {}", c.client, c.epoch, c.next_sequence);
+        let text = format!("{}, epoch {}, continues at {}", c.client, c.epoch, c.next_sequence);
         rows.push(("client", text));
         rows.extend(c.noise.as_ref().map(|noise| ("noise", noise.text())));
     }

@@ -244,7 +244,7 @@ fn refused(report: &IngestReport) -> anyhow::Result<()> {
 fn text(done: &Done) -> String {
     let durable = if done.durable { ", durable" } else { "" };
     let mut lines = vec![match done.duplicate {
-        true => format!("map {}: it was so already: {}", done.map, done.edit),
+        true => format!("map {} is unchanged, this was so already: {}", done.map, done.edit),
         false => format!("map {}, revision {}{durable}: {}", done.map, done.revision, done.edit),
     }];
     let (before, after) = (&done.before, &done.after);
@@ -354,9 +354,7 @@ async fn present_size(client: &Client, map: &str, owner: &str, id: i64) -> anyho
 
 impl Model {
     fn message(self, numbers: &[f64]) -> anyhow::Result<v1::camera::Model> {
-        let wrong = || {
-            format!("{} numbers do not make this model; see --help for its numbers", numbers.len())
-        };
+        let wrong = || format!("this model does not take {} numbers; see --help", numbers.len());
         let model = match (self, numbers) {
             (Self::Pinhole, &[fx, fy, cx, cy]) => {
                 let model = v1::PinholeRadialTangential { fx, fy, cx, cy, ..Default::default() };

@@ -144,7 +144,7 @@ fn find(path: &Path, format: Option<Format>) -> anyhow::Result<(Format, Files)> 
         Some(_) | None => None,
     };
     let Some(format) = format.or(told) else {
-        bail!("{}: the name does not tell the format, --format does", path.display());
+        bail!("{}: the format does not follow from the name; set it with --format", path.display());
     };
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Ok((format, vec![(name, path.to_owned())]))

@@ -67,7 +67,7 @@ pub(super) async fn merge(client: &Client, args: Args, json: bool) -> anyhow::Re
         let Merged { target, source, scale, closures, .. } = &merged;
         let scaled = if *scale == 1.0 { String::new() } else { format!(", scaled by {scale:.4}") };
         format!(
-            "map {source} is part of map {} now, {closures} loop closures tie them\n\
+            "map {source} is part of map {} now, {closures} loop closures connect them\n\
              it lies at ({:.3}, {:.3}, {:.3}) m, turned by {:.2} degrees{scaled}",
             target.map,
             t.x,

@@ -100,7 +100,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
     let map_id = args.map.clone().unwrap_or_else(|| stem.clone());
     if recording.repeated > 0 {
         let count = recording.repeated;
-        tracing::warn!("{count} observations stand twice in the file: left out once");
+        tracing::warn!("{count} observations occur twice in the file and are added once");
     }
     let retry = RetryPolicy {
         max_attempts: MAX_ATTEMPTS,
@@ -169,7 +169,7 @@ async fn prepare_map(
     } else if entities > 0 && !args.append {
         bail!(
             "map {map_id} is not empty ({} keyframes, {} landmarks): --append adds to it, \
-             --replace deletes it first, --map NAME takes another",
+             --replace deletes it first, --map NAME names another",
             counts.keyframe_count,
             counts.landmark_count
         );

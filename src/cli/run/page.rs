@@ -142,7 +142,7 @@ fn trajectory(page: &mut Page, report: &RunReport, map: Option<&FinalMap>) {
 fn closures(page: &mut Page, closures: &[Closure]) {
     page.section("Closures");
     if closures.is_empty() {
-        return page.note("The camera came back to no place that the server recognized.");
+        return page.note("The server recognized no place to which the camera returned.");
     }
     let row = |closure: &Closure| {
         let (verdict, chi2, weight) = match &closure.off {

@@ -115,7 +115,10 @@ impl Source {
                     );
                 }
                 if open.without_depth > 0 {
-                    tracing::warn!("{} color images have no depth in time", open.without_depth);
+                    tracing::warn!(
+                        "{} color images have no depth image close in time",
+                        open.without_depth
+                    );
                 }
                 Ok(open.source)
             }

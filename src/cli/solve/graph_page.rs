@@ -80,7 +80,7 @@ impl GraphPage {
             let name = match (verdict.is_switched_off, verdict.is_provisional) {
                 (false, _) => "counts",
                 (true, false) => "found false",
-                (true, true) => "found false, nothing but odometry speaks against it",
+                (true, true) => "found false, contradicted by odometry only",
             };
             vec![
                 format!("{} to {}", graph.ids[edge.i], graph.ids[edge.j]),

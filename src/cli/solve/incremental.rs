@@ -90,7 +90,7 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     }
     if let Some(&pose) = order.iter().skip(1).find(|&&pose| graph.constant[pose]) {
         anyhow::bail!(
-            "--incremental holds vertex {} fixed, not vertex {}, as FIX says",
+            "--incremental holds vertex {} fixed, and the file's FIX names vertex {}",
             graph.ids[order[0]],
             graph.ids[pose]
         );

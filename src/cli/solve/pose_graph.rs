@@ -216,7 +216,7 @@ fn trusted<G, const N: usize>(
         };
         let found: Vec<usize> =
             graph.edges.iter().enumerate().filter(ties).map(|(index, _)| index).collect();
-        anyhow::ensure!(!found.is_empty(), "--trusted {from},{to}: no edge ties these two");
+        anyhow::ensure!(!found.is_empty(), "--trusted {from},{to}: no edge connects these two");
         trusted.extend(found);
     }
     Ok(trusted.into_iter().collect())

@@ -45,7 +45,7 @@ impl Refusals {
     pub(super) fn not_taken(&self, path: &str, reason: &Refusal) {
         let line = || tracing::info!(target: "audit", action = path, %reason, outcome = "refused");
         self.strangers.log(line, |count| {
-            let reason = "tokens were not taken";
+            let reason = "tokens were refused";
             tracing::info!(target: "audit", count, reason, outcome = "more were refused");
         });
     }
@@ -55,6 +55,6 @@ impl Refusals {
 pub(super) fn withdrawn(caller: &Caller, reason: &ServiceError) {
     let (token, tenant) = (caller.token(), caller.tenant());
     let is_known = matches!(reason, ServiceError::RoleTooLow { .. });
-    let reason = if is_known { "the role is too low now" } else { "the token no longer counts" };
+    let reason = if is_known { "the role is too low now" } else { "the token is no longer valid" };
     tracing::info!(target: "audit", tenant, token, reason, outcome = "stream ended");
 }

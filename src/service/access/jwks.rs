@@ -141,7 +141,7 @@ impl Keys {
             match read_key(entry) {
                 Ok((kid, key)) => {
                     if keys.insert(kid, Arc::new(key)).is_some() {
-                        let reason = "its kid is that of another key";
+                        let reason = "another key has the same kid";
                         return Err(AccessError::Key { path: path.to_owned(), number, reason });
                     }
                 }
@@ -167,7 +167,7 @@ impl Keys {
 
 fn read_key(entry: serde_json::Value) -> Result<(String, Key), Unusable> {
     let Ok(jwk) = serde_json::from_value::<Jwk>(entry) else {
-        return Err(Unusable::Bad("it is no JSON Web Key"));
+        return Err(Unusable::Bad("it is not a JSON Web Key"));
     };
     if jwk.d.is_some() {
         return Err(Unusable::Bad("it is a private key, which does not belong here"));
@@ -176,7 +176,7 @@ fn read_key(entry: serde_json::Value) -> Result<(String, Key), Unusable> {
         return Err(Unusable::Unsuited { why: "it is not for signatures" });
     }
     let only = match jwk.alg.as_deref().map(Algorithm::of_name) {
-        Some(None) => return Err(Unusable::Unsuited { why: "its algorithm is not taken" }),
+        Some(None) => return Err(Unusable::Unsuited { why: "its algorithm is not supported" }),
         only => only.flatten(),
     };
     let key = match (jwk.kty.as_str(), jwk.crv.as_deref()) {
@@ -195,12 +195,12 @@ fn read_key(entry: serde_json::Value) -> Result<(String, Key), Unusable> {
             }
             Key::Ed25519(x)
         }
-        _ => return Err(Unusable::Unsuited { why: "its kind is not taken" }),
+        _ => return Err(Unusable::Unsuited { why: "its type is not supported" }),
     };
     if only.is_some_and(|only| !key.serves(only)) {
-        return Err(Unusable::Bad("its alg is not of its kind"));
+        return Err(Unusable::Bad("its alg does not fit its type"));
     }
-    let kid = jwk.kid.ok_or(Unusable::Bad("it has no kid, by which tokens name it"))?;
+    let kid = jwk.kid.ok_or(Unusable::Bad("it has no kid, so tokens cannot name it"))?;
     Ok((kid, key))
 }
 

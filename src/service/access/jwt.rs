@@ -50,21 +50,21 @@ pub struct JwtOptions {
 pub(super) enum Refusal {
     #[error("{0} cannot be read")]
     Malformed(&'static str),
-    #[error("its alg is none of RS256, PS256, ES256 and EdDSA")]
+    #[error("its alg is not RS256, PS256, ES256 or EdDSA")]
     Algorithm,
-    #[error("it has extensions (crit) that are not known")]
+    #[error("it has unknown extensions (crit)")]
     Critical,
     #[error("no key has its kid {0:?}")]
     UnknownKey(String),
-    #[error("its alg is not one of the key that it names")]
+    #[error("its alg does not fit the key that it names")]
     OtherAlgorithm,
-    #[error("its signature is not of the key that it names")]
+    #[error("its signature is not valid for the key that it names")]
     Signature,
-    #[error("claim {0} is missing or not of its kind")]
+    #[error("claim {0} is missing or has the wrong type")]
     Claim(&'static str),
     #[error("it expired at {0} (Unix time)")]
     Expired(i64),
-    #[error("it begins at {0} (Unix time)")]
+    #[error("it is not valid before {0} (Unix time)")]
     NotYet(i64),
     #[error("its issuer is {0:?}")]
     Issuer(String),

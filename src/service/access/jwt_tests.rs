@@ -271,9 +271,9 @@ fn a_set_of_keys_that_cannot_be_used_is_refused_with_the_number_of_the_key() {
     for (member, value, part) in [
         ("d", json!("c2VjcmV0"), "key 2: it is a private key"),
         ("kid", Value::Null, "key 2: it has no kid"),
-        ("kid", json!("e"), "key 2: its kid is that of another key"),
-        ("kid", json!(7), "key 2: it is no JSON Web Key"),
-        ("alg", json!("RS256"), "key 2: its alg is not of its kind"),
+        ("kid", json!("e"), "key 2: another key has the same kid"),
+        ("kid", json!(7), "key 2: it is not a JSON Web Key"),
+        ("alg", json!("RS256"), "key 2: its alg does not fit its type"),
         ("x", json!("c2VjcmV0"), "key 2: x must be of 32 bytes"),
         ("x", json!("not base64"), "key 2: a member is missing or not base64url"),
         ("x", Value::Null, "key 2: a member is missing or not base64url"),

@@ -35,7 +35,7 @@ const MAX_BYTES: usize = 256 << 10;
 #[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum AccessError {
     /// The file cannot be read.
-    #[error("the file of tokens")]
+    #[error("the token file")]
     Read(#[source] std::io::Error),
     /// The file is not TOML of the right shape. Its text is not shown.
     #[error("{}, line {line}: {reason}", path.display())]
@@ -57,10 +57,10 @@ pub enum AccessError {
         expected: &'static str,
     },
     /// The file of keys cannot be read.
-    #[error("the file of keys")]
+    #[error("the key file")]
     ReadKeys(#[source] std::io::Error),
     /// The file of keys is not JSON of the right shape. Its text is not shown.
-    #[error("{}, line {line}: this is no JSON Web Key Set", path.display())]
+    #[error("{}, line {line}: this is not a JSON Web Key Set", path.display())]
     Keys {
         path: PathBuf,
         /// The line, from 1.

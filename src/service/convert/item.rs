@@ -124,8 +124,9 @@ fn read(item: WireItem, sender: &str, out: &mut Violations) -> Option<Item> {
 /// nobody adds to another client's entities.
 fn own_id(at: Path<'_>, client_id: &str, id: i64, sender: &str, out: &mut Violations) -> i64 {
     if !client_id.is_empty() && client_id != sender {
-        let text =
-            format!("{client_id} is another client; only entities of one's own can be added");
+        let text = format!(
+            "{client_id} is another client; a stream can only add entities of its own client"
+        );
         let _: Option<()> = out.report(at.field("client_id"), Reason::Inconsistent, text);
     }
     let field = at.field("id");
@@ -287,7 +288,7 @@ fn descriptor(
         [("name", message.name.len(), MAX_DESCRIPTOR_NAME), ("data", message.data.len(), longest)]
     {
         if length > limit {
-            let text = format!("{length} bytes, at most {limit} are taken");
+            let text = format!("{length} bytes, at most {limit} are allowed");
             let _: Option<()> = out.report(at.field(name), Reason::TooLarge, text);
         }
     }
@@ -297,7 +298,7 @@ fn descriptor(
     if kind == Some(DescriptorKind::Float32) {
         let (numbers, rest) = data.as_chunks();
         if !rest.is_empty() {
-            let text = format!("{} bytes are no list of 32-bit floats", data.len());
+            let text = format!("{} bytes are not a list of 32-bit floats", data.len());
             let _: Option<()> = out.report(field, Reason::WrongLength, text);
         } else if !numbers.iter().all(|&number| f32::from_le_bytes(number).is_finite()) {
             let text = "a number is not finite";
@@ -354,7 +355,7 @@ fn relative_pose(message: &v1::RelativePoseConstraint, sender: &str, out: &mut V
         Some(v1::ConstraintKind::LoopClosure) => Some(ConstraintKind::LoopClosure),
         Some(v1::ConstraintKind::Other) => Some(ConstraintKind::Other),
         Some(v1::ConstraintKind::Marginal) => {
-            let text = "marginal constraints are the server's own";
+            let text = "only the server adds marginal constraints";
             out.report(at.field("kind"), Reason::OutOfRange, text)
         }
         None => None,
@@ -400,7 +401,7 @@ fn position(
     let (world, earth) = (at.field("point_in_world"), at.field("geodetic_point"));
     match (&message.point_in_world, &message.geodetic_point) {
         (Some(_), Some(_)) => {
-            let text = "the position is given in the world too";
+            let text = "point_in_world is given too";
             out.report(earth, Reason::Inconsistent, text)
         }
         (point, None) => vector3(world, point.as_ref(), out).map(MeasuredPosition::InWorld),

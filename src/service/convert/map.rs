@@ -50,7 +50,7 @@ pub(in crate::service) fn display_name(name: &str, out: &mut Violations) -> Opti
     if name.chars().all(is_printable) {
         return Some(name);
     }
-    let text = "control characters and marks of direction are not taken";
+    let text = "control characters and direction marks are not allowed";
     out.report(Path::root("display_name"), Reason::OutOfRange, text)
 }
 
@@ -59,7 +59,7 @@ pub(in crate::service) fn kept_display_name(name: &str, out: &mut Violations) ->
     if name.len() <= MAX_DISPLAY_NAME {
         return Some(name.to_owned());
     }
-    let text = format!("{} bytes, at most {MAX_DISPLAY_NAME} are taken", name.len());
+    let text = format!("{} bytes, at most {MAX_DISPLAY_NAME} are allowed", name.len());
     out.report(Path::root("display_name"), Reason::TooLarge, text)
 }
 

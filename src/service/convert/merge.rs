@@ -41,7 +41,8 @@ pub(in crate::service) fn merge(
         out.report::<()>(at, Reason::OutOfRange, text);
     }
     if request.scale != 0.0 && transform.is_none() && request.constraints.is_empty() {
-        let text = "only with target_from_source or constraints; it is found with the places";
+        let text =
+            "allowed only with target_from_source or constraints; without them the server finds it";
         out.report::<()>(at, Reason::Inconsistent, text);
     }
     let at = Path::root("constraints");

@@ -136,7 +136,7 @@ impl Violations {
         if list.len() <= most {
             return Some(());
         }
-        let text = format!("{} entries, at most {most} are taken", list.len());
+        let text = format!("{} entries, at most {most} are allowed", list.len());
         self.report(at, Reason::TooLarge, text)
     }
 

@@ -244,7 +244,7 @@ fn graph<'m, T: 'm, G: LieGroup<N>, const N: usize>(
             let _: Option<()> = out.missing(at.field("world_from_vertex"));
         }
         if index_of.insert(id, k).is_some() {
-            let text = format!("{id} stands twice");
+            let text = format!("{id} occurs twice");
             let _: Option<()> = out.report(at.field("id"), Reason::Duplicate, text);
         }
         graph.push_pose(id, pose.unwrap_or_else(G::identity));
@@ -262,7 +262,7 @@ fn graph<'m, T: 'm, G: LieGroup<N>, const N: usize>(
         };
         let (found_i, found_j) = (find("vertex_i", i), find("vertex_j", j));
         if i == j {
-            let text = "an edge ties two different vertices";
+            let text = "an edge must connect two different vertices";
             let _: Option<()> = out.report(at.field("vertex_j"), Reason::Duplicate, text);
         }
         if let (Some(i), Some(j)) = (found_i, found_j) {

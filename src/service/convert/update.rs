@@ -117,7 +117,7 @@ pub(in crate::service) fn update(
             path => {
                 let named = named(path.strip_prefix("policy."));
                 if named.is_empty() {
-                    let text = format!("{path:?} is no field that can be changed");
+                    let text = format!("{path:?} is not a field that can be changed");
                     let _: Option<()> = out.report(at, Reason::UnknownValue, text);
                 }
                 fields.extend(named);

@@ -46,14 +46,14 @@ pub enum EngineError {
     #[error("map {source_map:?} is not merged into map {map:?}")]
     NotMerged { map: String, source_map: String },
     /// It is not known where a map lies in the one that is to take it.
-    #[error("it cannot be told where map {map:?} lies in the target: {error}")]
+    #[error("map {map:?} cannot be aligned with the target: {error}")]
     NotAligned { map: String, error: NotAligned },
     /// The content of a map does not fit the one that is to take it.
     #[error("map {map:?} cannot be merged: {error}")]
     CannotMerge { map: String, error: MergeError },
     /// A constraint is not between keyframes of two maps.
     #[error(
-        "keyframes {} of client {:?} and {} of client {:?} are not one of each map",
+        "keyframes {} of client {:?} and {} of client {:?} do not belong to one map each",
         .keyframe_i.1, .keyframe_i.0, .keyframe_j.1, .keyframe_j.0
     )]
     NoSuchKeyframe {
@@ -74,7 +74,7 @@ pub enum EngineError {
     #[error("client {client:?} of map {map:?}: epoch {epoch} is fenced, the newest is {newest}")]
     EpochFenced { map: String, client: String, epoch: i64, newest: i64 },
     /// A number in a request is larger than the largest that is accepted.
-    #[error("{field}: at most {maximum} is taken")]
+    #[error("{field}: at most {maximum} is allowed")]
     TooLarge { field: &'static str, maximum: i64 },
     /// Another optimization runs on the map.
     #[error("another optimization runs on map {map:?}")]
@@ -107,7 +107,7 @@ pub enum EngineError {
     #[error("map {map:?} holds nothing to solve")]
     NothingToSolve { map: String },
     /// The caller went away; nothing was changed.
-    #[error("the caller of map {map:?} went away")]
+    #[error("the caller of map {map:?} disconnected")]
     Cancelled { map: String },
     /// The server accepts no more work.
     #[error("the server is shutting down")]

@@ -174,7 +174,7 @@ fn unreadable(path: &str, error: &MapFileError) -> ServiceError {
 fn clients_are_named(map: &Map, path: &str) -> Result<(), ServiceError> {
     let bad = map.clients().iter().find(|client| !is_name(&client.name));
     bad.map_or(Ok(()), |client| {
-        let text = format!("{path}: {:?} is no name of a client", client.name);
+        let text = format!("{path}: {:?} is not the name of a client", client.name);
         Err(ServiceError::field("chunk.data", Reason::OutOfRange, text))
     })
 }

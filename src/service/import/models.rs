@@ -230,7 +230,7 @@ fn g2o(building: &mut Building, files: &[File], client: &str) -> Result<(), Serv
         G2oGraph::Se3(graph) if graph.has_vertices() => graph,
         G2oGraph::Se3(_) => return Err(refused(format!("{path}: the graph has edges only"))),
         G2oGraph::Se2(_) => {
-            return Err(refused(format!("{path}: a map holds no graph of the plane")));
+            return Err(refused(format!("{path}: a map cannot hold a graph in the plane")));
         }
     };
     let graph = graph.to_pose_graph().map_err(|error| unreadable(&error))?;

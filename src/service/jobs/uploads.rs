@@ -87,7 +87,7 @@ fn check_path(path: &str, files: &[(String, u64)]) -> Result<(), ServiceError> {
     let meets = |(other, _): &&(String, u64)| is_below(path, other) || is_below(other, path);
     match files.iter().find(meets) {
         Some((other, _)) => {
-            let text = format!("a file is no folder beside {other:?}");
+            let text = format!("{other:?} cannot be a file and a folder");
             refused(Reason::Inconsistent, &text)
         }
         None => Ok(()),

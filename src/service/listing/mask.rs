@@ -24,7 +24,7 @@ pub(super) fn left_out<M>(
     let Some(FieldMask { paths }) = mask else { return Some(Vec::new()) };
     out.at_most(Path::root("read_mask"), paths, MOST_PATHS)?;
     if let Some(unknown) = paths.iter().find(|path| fields.iter().all(|(name, _)| path != name)) {
-        let text = format!("{unknown:?} is no field of {message}");
+        let text = format!("{unknown:?} is not a field of {message}");
         return out.report(Path::root("read_mask"), Reason::UnknownValue, text);
     }
     let unnamed = fields.iter().filter(|(name, _)| paths.iter().all(|path| path != name));

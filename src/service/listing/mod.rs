@@ -59,7 +59,7 @@ impl PagedList {
         let parts = token.rsplit_once('.');
         let last = parts.filter(|(last, mark)| self.mark(last) == *mark).map(|(last, _)| last);
         last.or_else(|| {
-            let text = format!("no token that this server gave for this {}", self.call);
+            let text = format!("not a page token of this server for this {}", self.call);
             out.report(Path::root("page_token"), Reason::OutOfRange, text)
         })
     }

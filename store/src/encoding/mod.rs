@@ -61,10 +61,10 @@ pub enum EncodingError {
     #[error("{0} is missing")]
     Missing(&'static str),
     /// A field has a value that it cannot have.
-    #[error("{0} has a value that is not known")]
+    #[error("{0} has an unknown value")]
     Invalid(&'static str),
     /// The message holds fields that this version does not know.
-    #[error("written by a later version: it holds fields that are not known here")]
+    #[error("written by a later version: it holds unknown fields")]
     Later,
     /// The parts of a map do not fit each other.
     #[error("the parts do not fit: {0}")]

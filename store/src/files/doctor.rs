@@ -245,7 +245,7 @@ fn identity(checkup: &mut MapCheckup) -> Result<Uid, StoreError> {
     }
     checkup.damage.push(whole_file(&path));
     let name = checkup.folder.file_name().unwrap_or_default().to_string_lossy();
-    let message = "neither its name nor its folder's tells which map it is".to_owned();
+    let message = "neither its name nor its folder's identifies the map".to_owned();
     let path = path.display().to_string();
     folders::uid_of(&name).ok_or(StoreError::Content { path, message })
 }

@@ -57,12 +57,14 @@ pub(super) fn look(disk: &dyn Disk, maps: &Path, entry: &str) -> Folder {
     if entry.strip_suffix(".deleted").is_some_and(|name| uid_of(name).is_some()) {
         return Folder::Leftover;
     }
-    let Some(uid) = uid_of(entry) else { return Folder::Stray("covis gives no such name") };
+    let Some(uid) = uid_of(entry) else {
+        return Folder::Stray("covis creates no folder of this name");
+    };
     let folder = maps.join(entry);
     let names = match disk.list(&folder) {
         Ok(names) => names,
         Err(error) if error.kind() == ErrorKind::NotADirectory => {
-            return Folder::Stray("it is no folder");
+            return Folder::Stray("it is not a folder");
         }
         Err(error) if passes(&error) => {
             return Folder::Unknown(file_error("cannot list", &folder, &error));
@@ -105,7 +107,10 @@ fn named(
             Err(error) => return Folder::Nameless(error.to_string()),
         }
     } else {
-        format!("it has version {version}, and {} is the latest known here", super::record::VERSION)
+        format!(
+            "it has version {version}, and this covis reads up to version {}",
+            super::record::VERSION
+        )
     };
     match decode_later_identity(body) {
         Ok(map) if !map.is_empty() => {

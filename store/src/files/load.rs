@@ -159,7 +159,7 @@ fn read_segment(
 ) -> Result<Segment, StoreError> {
     let bytes = disk.read(path).map_err(|e| file_error("cannot read", path, &e))?;
     if let Header::Later(version) = read_header(&bytes, uid) {
-        return Err(later(path, format!("it has version {version}, which is not known here")));
+        return Err(later(path, format!("it has version {version}, which this covis cannot read")));
     }
     let scan = scan(&bytes, uid, first);
     let (mut runs, mut starts): (Vec<(u64, u64)>, Vec<u64>) = (Vec::new(), Vec::new());

@@ -264,10 +264,10 @@ fn read_head(kind: Kind, head: &[u8; HEAD]) -> Result<(Label, u64, u32), SealErr
     let number = |at: usize| head[at..].first_chunk().map_or(0, |&b| u64::from_le_bytes(b));
     let version = head[8..].first_chunk().map_or(0, |&b| u32::from_le_bytes(b));
     if !head.starts_with(kind.magic()) {
-        return Err(SealError::Damaged("it is no file of this kind".to_owned()));
+        return Err(SealError::Damaged("it is not a file of this kind".to_owned()));
     }
     if version == 0 {
-        return Err(SealError::Damaged("it has version 0, which there is not".to_owned()));
+        return Err(SealError::Damaged("it has version 0, which does not exist".to_owned()));
     }
     let mut uid = Uid::default();
     uid.copy_from_slice(&head[16..32]);
@@ -288,7 +288,8 @@ pub(super) fn unseal<T>(
         if version == VERSION {
             return read(label, body);
         }
-        let text = format!("it has version {version}, and {VERSION} is the latest known here");
+        let text =
+            format!("it has version {version}, and this covis reads up to version {VERSION}");
         Err(SealError::Later(text))
     })
 }
@@ -317,7 +318,7 @@ fn unseal_any<T>(
     }
     let (label, length, body) = begun?;
     if length != bytes - HEAD as u64 {
-        return damaged("it is no file of this kind");
+        return damaged("it is not a file of this kind");
     }
     Ok((label, body?))
 }

@@ -62,18 +62,18 @@ pub enum ReplicationError {
     Monitoring { address: String, reason: String },
     /// Nothing tells whether NATS syncs.
     #[error(
-        "whether NATS syncs before it acknowledges is told by the monitoring addresses of its servers: \
-         give all of them, or accept unsynced replicas by name"
+        "the monitoring addresses of the NATS servers are needed to check that NATS syncs before \
+         it acknowledges: give all of them, or accept unsynced replicas explicitly"
     )]
     NoMonitoring,
     /// A NATS server acknowledges what a loss of power takes back.
     #[error(
         "NATS server {server:?} acknowledges before it syncs: set `sync_interval: always` in its \
-         `jetstream` block, or accept unsynced replicas by name"
+         `jetstream` block, or accept unsynced replicas explicitly"
     )]
     Unsynced { server: String },
     /// There are more NATS servers than monitoring addresses.
-    #[error("{servers} NATS servers keep streams, and the monitoring addresses tell of {asked}")]
+    #[error("{servers} NATS servers keep streams, and the monitoring addresses are of {asked}")]
     Unmonitored { asked: usize, servers: usize },
 }
 

@@ -167,7 +167,7 @@ impl Reading {
                 return Ok(());
             }
             Some(EVENTS) => {}
-            _ => return Err("it is no message of covis, or one of a later version".to_owned()),
+            _ => return Err("it is not a message of covis, or it is of a later version".to_owned()),
         }
         let epoch = number(headers, EPOCH).ok_or("it has no epoch")?;
         if *self.epoch.get_or_insert(epoch) != epoch {

@@ -75,7 +75,7 @@ fn depth_is_gray_with_16_bits() {
     let bytes = encode::gray8(&Image::filled(2, 2, 7)).unwrap();
     let error = depth(&bytes).unwrap_err();
     assert!(matches!(error, DecodeError::NotDepth { bits: 8, .. }), "{error}");
-    assert_eq!(error.to_string(), "not depth: Grayscale with 8 bits, not gray with 16");
+    assert_eq!(error.to_string(), "not a depth image: Grayscale with 8 bits, not gray with 16");
 }
 
 #[test]

@@ -180,7 +180,7 @@ pub(super) fn check_nanoseconds(time: f64, row: &Line<'_>) -> Result<(), IoError
     }
     Err(IoError::OtherFormat {
         location: row.location(),
-        reason: "the time is no whole number, and EuRoC's are nanoseconds",
+        reason: "the time is not a whole number, and EuRoC's are nanoseconds",
         other: TUM,
     })
 }

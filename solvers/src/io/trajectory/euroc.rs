@@ -53,7 +53,7 @@ pub(super) fn to_bytes(trajectory: &Trajectory) -> Result<Vec<u8>, IoError> {
     let poses = trajectory.timestamps.iter().zip(&trajectory.world_from_body);
     for (k, (timestamp, pose)) in poses.enumerate() {
         let Some(nanoseconds) = nearest_ns(*timestamp) else {
-            let reason = "its time is no 64-bit number of nanoseconds, which EuRoC's files have";
+            let reason = "its time does not fit the 64-bit nanoseconds of EuRoC's files";
             return Err(IoError::UnwritableText { field: "pose", id: k as u64, reason });
         };
         let [qx, qy, qz, qw] = rotation::to_xyzw(&pose.rotation);

@@ -233,10 +233,10 @@ impl Actor {
         };
         let error = EngineError::Store(error);
         if let EngineError::Store(StoreError::OwnedElsewhere { .. }) = error {
-            tracing::warn!(%error, "this server serves the map no longer");
+            tracing::warn!(%error, "this server no longer serves the map");
             self.end_with(error.clone());
         } else {
-            tracing::error!(%error, "the map takes no changes any more");
+            tracing::error!(%error, "the map no longer takes changes");
         }
         self.shared.set_damaged(&error);
         self.end(&error);

@@ -226,7 +226,7 @@ impl Ingest {
         match map.recall(client, sequence, digest) {
             Recall::Duplicate => return Admission::Duplicate,
             Recall::Conflict => {
-                let text = format!("sequence {sequence} was taken by another item");
+                let text = format!("sequence {sequence} was used by another item");
                 return refused(Reason::AlreadyExists, text);
             }
             Recall::New => {}
@@ -237,9 +237,8 @@ impl Ingest {
         }
         let next = map.client(client).map_or(1, |c| c.next_sequence);
         if sequence < next {
-            let text = format!(
-                "sequence {sequence} was passed over or lies too far back; the next is {next}"
-            );
+            let text =
+                format!("sequence {sequence} was skipped or lies too far back; the next is {next}");
             return refused(Reason::OutOfRange, text);
         }
         if !item.has_valid_numbers() {

@@ -70,7 +70,7 @@ fn damage_of_the_file_is_told_before_what_it_makes_of_the_body() {
     assert!(matches!(told, SealError::Damaged(_)));
     assert_ne!(told.to_string(), "the checksum does not fit");
     let told = read_snapshot(&mut &*sealed(Kind::Identity, &[7; 16], 20, b"")).unwrap_err();
-    assert_eq!(told.to_string(), "it is no file of this kind");
+    assert_eq!(told.to_string(), "it is not a file of this kind");
     let told = read_identity(&mut &b"covismap"[..]).unwrap_err().to_string();
     assert_eq!(told, "the file is too short");
 }
