@@ -66,12 +66,13 @@ async fn session(args: &Args, config: &Config) -> anyhow::Result<()> {
     let options = SequenceOptions { width, height, frames, seed, noise: true };
     print(format_args!(
         "Two people walk around a room, twice, and an RGB-D camera follows them. covis tracks it\n\
-         through a server of its own: first without what moves, then as if nothing did. Tracking\n\
-         remembers {MOST_KEYFRAMES} keyframes; that the second round is where the first was, the server finds.\n\n\
+         through its own server: first with the people masked, then without the mask. Tracking\n\
+         remembers {MOST_KEYFRAMES} keyframes; the server recognizes the places of the\n\
+         first round in the second.\n\n\
          Scene    {SCENE}, seed {seed}: {frames} frames of {width} x {height}"
     ))?;
     let (server, page) = Embedded::start_with_page(config).await?;
-    print(format_args!("Watch    http://{page}/ in a browser, as long as it runs"))?;
+    print(format_args!("Watch    http://{page}/ in a browser while it runs"))?;
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let sequence = Sequence::new(SCENE, &options);
     let mut runs = Vec::new();
@@ -191,10 +192,10 @@ fn ending(out: &Path) -> String {
     format!(
         "\nWritten to {folder}/\n\
          \x20 map.ply            landmarks and trajectory, for MeshLab, CloudCompare or Open3D\n\
-         \x20 truth.tum          where the camera was\n\
-         \x20 odometry.tum       where tracking alone says it was, without what moves\n\
-         \x20 with_mask.tum      where covis says it was, without what moves\n\
-         \x20 without_mask.tum   the same as if nothing moved\n\n\
+         \x20 truth.tum          ground truth\n\
+         \x20 odometry.tum       tracking alone, with the mask\n\
+         \x20 with_mask.tum      estimate of covis with the mask\n\
+         \x20 without_mask.tum   estimate of covis without the mask\n\n\
          Next: compare them yourself\n\
          \x20 cargo run --release -- eval ape {folder}/truth.tum {folder}/with_mask.tum\n\
          or track a sequence of your own, in the layout of the TUM RGB-D benchmark\n\

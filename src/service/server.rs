@@ -389,7 +389,7 @@ impl RunningServer {
                 Ok(Ok(())) => {}
                 Ok(Err(error)) => tracing::warn!(%error, "the transport's task ended badly"),
                 Err(_elapsed) => {
-                    tracing::warn!("calls were still running after {budget:?}, they are cut");
+                    tracing::warn!("calls were still running after {budget:?}, they are cut off");
                     task.abort();
                 }
             }
@@ -399,7 +399,7 @@ impl RunningServer {
         if let Some(mut jobs) = self.jobs.take()
             && tokio::time::timeout(left(), &mut jobs).await.is_err()
         {
-            tracing::warn!("jobs were still running, they begin again at the next start");
+            tracing::warn!("jobs were still running, they start again with the server");
             jobs.abort();
         }
         let left = left();
@@ -435,7 +435,7 @@ fn check_address(
         return Err(ServerError::PlainText { address });
     }
     if !access.is_guarded() {
-        tracing::warn!("without tokens, whoever reaches {address} may do everything");
+        tracing::warn!("without tokens, anyone who reaches {address} may do everything");
     }
     Ok(())
 }

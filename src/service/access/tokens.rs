@@ -137,7 +137,7 @@ impl Tokens {
                 Err(AccessError::Entry { path, kind, number, field, expected })
             };
             if !is_name(&entry.name) || !names.insert(entry.name.clone()) {
-                return bad("name", "another one: 1 to 63 characters of a-z, 0-9, '_' and '-'");
+                return bad("name", "unique, 1 to 63 characters of a-z, 0-9, '_' and '-'");
             }
             if !entry.tenant.is_empty() && !is_name(&entry.tenant) {
                 return bad("tenant", "1 to 63 characters of a-z, 0-9, '_' and '-'");
@@ -161,7 +161,7 @@ impl Tokens {
                 return bad("1 to 63 characters of a-z, 0-9, '_' and '-', or empty");
             }
             if tenants.insert(name, limits).is_some() {
-                return bad("another one: this tenant has its limits already");
+                return bad("unique: this tenant has its limits already");
             }
         }
         Ok(Self { callers: tokens, tenants })

@@ -95,11 +95,15 @@ pub(super) async fn solve(
                 }
                 Ok(None) | Err(_) => false,
             };
-            tracing::info!(job = run.entry.id(), kept, "no worker is there: the job is done here");
+            tracing::info!(
+                job = run.entry.id(),
+                kept,
+                "no worker is available: this server does the job"
+            );
             Ok(None)
         }
         Err(error) => {
-            tracing::warn!(job = run.entry.id(), %error, "a job is done here");
+            tracing::warn!(job = run.entry.id(), %error, "this server does a job itself");
             Ok(None)
         }
     }
@@ -129,7 +133,9 @@ async fn given(
             run.tell(|progress| progress.phase = WAITS.to_owned());
             match give(run, queue, name, task, inputs, has_inputs).await? {
                 Ok(()) => is_given = true,
-                Err(error) => tracing::warn!(job = run.entry.id(), %error, "not given away yet"),
+                Err(error) => {
+                    tracing::warn!(job = run.entry.id(), %error, "a task is not published yet")
+                }
             }
         }
         looks = looks.wrapping_add(1);
@@ -139,7 +145,9 @@ async fn given(
             Ok(Look::Gone) => (is_given, has_inputs) = (false, false),
             Ok(Look::Open) => {}
             // Until NATS is there again.
-            Err(error) => tracing::debug!(job = run.entry.id(), %error, "a task is not seen"),
+            Err(error) => {
+                tracing::debug!(job = run.entry.id(), %error, "the state of a task cannot be read")
+            }
         }
         tokio::time::sleep(LOOKS).await;
     }

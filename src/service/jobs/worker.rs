@@ -111,7 +111,7 @@ impl Worker {
                 match taken.beat(told).await {
                     Ok(true) => {}
                     Ok(false) => return,
-                    Err(error) => tracing::warn!(task, %error, "a beat was missed"),
+                    Err(error) => tracing::warn!(task, %error, "a heartbeat was missed"),
                 }
             }
         };
@@ -129,7 +129,7 @@ impl Worker {
         let result = match result {
             Ok(result) => encode_result(result.map_err(failure)),
             Err(error) => {
-                tracing::warn!(task, %error, "a task is given back");
+                tracing::warn!(task, %error, "a task is returned");
                 return taken.give_back().await;
             }
         };
@@ -137,7 +137,7 @@ impl Worker {
             match taken.finish(&result).await {
                 Ok(true) => return tracing::info!(task, "a task is done"),
                 Ok(false) => return tracing::info!(task, "a late result was refused"),
-                Err(error) => tracing::warn!(task, %error, "a result is not handed in yet"),
+                Err(error) => tracing::warn!(task, %error, "a result is not submitted yet"),
             }
             pause().await;
         }
@@ -160,7 +160,7 @@ impl Worker {
             return of_worker(tonic::Code::Aborted, text);
         }
         let Some(task) = decode_task(taken.description()) else {
-            let text = "the worker does not know such tasks: is it of an older version?";
+            let text = "the worker does not know this kind of task: is it an older version?";
             return of_worker(tonic::Code::Unimplemented, text.to_owned());
         };
         let Task { path, files, .. } = &task;

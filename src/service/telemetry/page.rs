@@ -134,8 +134,7 @@ fn items(text: &mut Text, engine: &EngineMeters) {
     for (reason, count) in engine.rejected() {
         family.row(&[("outcome", "rejected"), ("reason", reason)], count.get());
     }
-    let help =
-        "Changes that were not possible, such as a result that overflowed, and so were refused.";
+    let help = "Invalid changes that were refused, such as a result that overflowed.";
     let mut family = text.counter("covis_changes_refused_total", help);
     for (change, count) in engine.refused() {
         family.row(&[("change", change)], count.get());
@@ -148,7 +147,7 @@ fn items(text: &mut Text, engine: &EngineMeters) {
     text.histogram("covis_place_search_seconds", help).seconds(&[], &engine.place_search_ns);
     let help = "From an item's arrival until it was on disk.";
     text.histogram("covis_item_durable_seconds", help).seconds(&[], &engine.durable_ns);
-    let help = "From an item's arrival until what it called for was solved and applied.";
+    let help = "From an item's arrival until its solve was applied.";
     text.histogram("covis_item_optimized_seconds", help).seconds(&[], &engine.optimized_ns);
 }
 
@@ -178,8 +177,8 @@ fn solves(text: &mut Text, engine: &EngineMeters) {
     }
     let help = "Solves whose result was dropped: local ones for an adjustment after closures.";
     text.counter("covis_solves_superseded_total", help).row(&[], engine.superseded.get());
-    let help = "Results of local solves that were not believed, by reason; the window was solved again with \
-                what went astray held.";
+    let help = "Implausible results of local solves, by reason; the window was solved again with \
+                the suspect keyframes held.";
     let mut family = text.counter("covis_solves_refused_total", help);
     for (reason, count) in engine.implausible().filter(|&(reason, _)| reason != "unmeasured") {
         family.row(&[("reason", reason)], count.get());
@@ -199,9 +198,9 @@ fn jobs(text: &mut Text, jobs: &Jobs) {
     for (kind, state, count) in jobs.meters.rows() {
         family.row(&[("kind", kind), ("state", state)], count);
     }
-    text.histogram("covis_job_duration_seconds", "From a job's begin to its end.")
+    text.histogram("covis_job_duration_seconds", "From a job's start to its end.")
         .seconds(&[], &jobs.meters.running_ns);
-    text.histogram("covis_job_wait_seconds", "From a job's creation to its begin.")
+    text.histogram("covis_job_wait_seconds", "From a job's creation to its start.")
         .seconds(&[], &jobs.meters.waiting_ns);
 }
 

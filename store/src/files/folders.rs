@@ -170,7 +170,7 @@ pub(super) fn at_start(
             Folder::Stray(reason) => tracing::warn!(%folder, reason, "not a map, it is left alone"),
             Folder::Leftover => {
                 if let Err(error) = discard(disk, &path) {
-                    tracing::warn!(%folder, %error, "what is left of a map could not be removed");
+                    tracing::warn!(%folder, %error, "the remains of a map could not be removed");
                 }
             }
         }

@@ -82,7 +82,7 @@ impl JobFolders {
     fn discard(&self, path: &Path) {
         if let Err(error) = discard(&*self.disk, path) {
             let folder = path.display();
-            tracing::warn!(%folder, %error, "what is left of a job could not be removed");
+            tracing::warn!(%folder, %error, "the remains of a job could not be removed");
         }
     }
 

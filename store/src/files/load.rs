@@ -77,7 +77,7 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<OpenedFi
         // It is no part of the map: the next start tries again, and so does the next write of the
         // file.
         if let Err(error) = disk.remove(path) {
-            tracing::warn!(file = %path.display(), %error, "what a crash left cannot be removed");
+            tracing::warn!(file = %path.display(), %error, "the remains of a crash cannot be removed");
         }
     }
     Ok(found)

@@ -157,7 +157,7 @@ pub(super) async fn patiently<T, F: Future<Output = Result<T, ReplicationError>>
     attempt: impl Fn() -> F,
 ) -> Result<T, ReplicationError> {
     if options.accept_unsynced {
-        tracing::warn!("what NATS acknowledges may be lost with the power of its machines");
+        tracing::warn!("if NATS machines lose power, acknowledged items may be lost");
     } else if options.monitoring.is_empty() {
         return Err(ReplicationError::NoMonitoring);
     }

@@ -181,7 +181,7 @@ impl Shared {
             let knows = knows.wait_for(|&known| known);
             let knows =
                 tokio::time::timeout(self.time, knows).await.is_ok_and(|known| known.is_ok());
-            let unread = || "the beats of the servers cannot be read".to_owned();
+            let unread = || "the heartbeats of the servers cannot be read".to_owned();
             let _gone = begun.send(knows.then_some(()).ok_or_else(unread));
             leave.recv().await
         };

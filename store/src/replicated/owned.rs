@@ -92,7 +92,7 @@ impl Owned {
     pub(super) async fn give_away(&self, catalog: &Catalog) {
         let idle = self.publisher.idle();
         if tokio::time::timeout(LAST_WORDS, idle).await.is_err() {
-            tracing::warn!(map = self.map, "the stream lacks what was not acknowledged");
+            tracing::warn!(map = self.map, "the stream lacks items that were not acknowledged");
         }
         self.stop();
         let known = self.known.lock().await;
@@ -148,12 +148,15 @@ impl DurabilityJoin {
     async fn confirm(&mut self, lapses: u64) {
         match confirm(&self.catalog, &mut *self.known.lock().await).await {
             Ok(true) => {
-                tracing::info!(map = self.map, "nobody took the map: this server goes on with it");
+                tracing::info!(
+                    map = self.map,
+                    "no other server took the map: this server keeps serving it"
+                );
                 self.signals.lapses = lapses;
             }
             Ok(false) => self.is_taken = true,
             Err(error) => {
-                tracing::warn!(map = self.map, %error, "whose the map is, is not known yet");
+                tracing::warn!(map = self.map, %error, "the owner of the map is not known yet");
                 tokio::time::sleep(AGAIN).await;
             }
         }

@@ -218,7 +218,7 @@ impl ReplicatedStore {
         }
         let folder = self.local.set_aside(map).await?;
         let folder = folder.display();
-        tracing::warn!(map, %folder, "what this server had under the map's name is set aside");
+        tracing::warn!(map, %folder, "this server's own files of the map are set aside");
         Ok(())
     }
 

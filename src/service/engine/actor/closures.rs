@@ -94,7 +94,7 @@ impl Actor {
                 self.background.give_up();
             }
             let map = &self.shared.name;
-            tracing::warn!(%error, %map, "what follows a loop closure waits for the journal");
+            tracing::warn!(%error, %map, "the work after a loop closure waits for the journal");
             self.background.wait_for_journal();
         }
         committed.is_ok()

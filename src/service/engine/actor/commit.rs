@@ -112,7 +112,7 @@ impl Actor {
     pub(crate) fn refuse(&self, change: &Change, is_item: bool, reason: String) -> EngineError {
         self.shared.meters.refuse(change, is_item);
         let (map, change) = (self.shared.name.clone(), change.name());
-        tracing::error!(map, change, reason, "a change is not possible and is refused");
+        tracing::error!(map, change, reason, "an invalid change is refused");
         EngineError::Refused { map, change, reason }
     }
 

@@ -86,7 +86,7 @@ impl Actor {
     /// What was found is searched again once the journal takes a change.
     fn recognition_waits(&mut self, error: &EngineError) {
         let map = &self.shared.name;
-        tracing::warn!(%error, %map, "what a search for places found waits for the journal");
+        tracing::warn!(%error, %map, "the result of a place search waits for the journal");
         self.ingest.count(&self.map);
         self.recognition.wait_for_journal();
     }

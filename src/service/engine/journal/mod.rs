@@ -180,7 +180,7 @@ impl Journal {
         self.snapshot = Some(tokio::spawn(async move {
             let store = &shared.store;
             if let Err(error) = store.put_snapshot(&shared.name, epoch, map).await {
-                tracing::warn!(%error, "no snapshot was written, the journal grows on");
+                tracing::warn!(%error, "no snapshot was written, the journal continues to grow");
                 return kept;
             }
             // The previous snapshot is kept, with all events after it.

@@ -337,7 +337,7 @@ impl Maps {
                 return Err(EngineError::MapExists { map: merged.name.clone() });
             }
             handle.durable(kept.revision()).await?;
-            tracing::warn!(map = merged.name, "what is left of a merged map is deleted");
+            tracing::warn!(map = merged.name, "the remains of a merged map are deleted");
             rest.call(|actor| actor.delete().boxed()).await??;
         }
         claim.set(Some(handle.called(merged)));

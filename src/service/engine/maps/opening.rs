@@ -121,7 +121,7 @@ impl Maps {
                 if let Some(opened) = opened {
                     maps.lead_merged(&opened).await;
                 }
-                tracing::info!(map = name, "a map could be opened at last");
+                tracing::info!(map = name, "a map could finally be opened");
                 return;
             }
         });

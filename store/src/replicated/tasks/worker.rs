@@ -52,7 +52,7 @@ impl WorkerLink {
         let beating = tokio::spawn(async move {
             loop {
                 if let Err(error) = beats.workers.put(&key, "".into()).await {
-                    tracing::warn!(%error, "the servers are not told that this worker is there");
+                    tracing::warn!(%error, "the worker's heartbeat was not sent");
                 }
                 tokio::time::sleep(beats.lease / BEATS).await;
             }
@@ -96,7 +96,7 @@ impl WorkerLink {
         self.beating.abort();
         let key = format!("{}{}", self.tasks.workers.prefix, self.name);
         if let Err(error) = self.tasks.workers.stream.purge().filter(key).await {
-            tracing::debug!(%error, "the worker's beat is left until it expires");
+            tracing::debug!(%error, "the worker's heartbeat is left until it expires");
         }
     }
 }
