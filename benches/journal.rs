@@ -1,10 +1,9 @@
 //! The journal against redb: durable appends a second at 1 and 16 maps, and reopening after damage.
 //!
-//! `cargo bench --bench journal [-- FOLDER]` writes below FOLDER (the system's temporary folder by
-//! default: name one on the disk that is to be measured). Every append is one keyframe with 200
-//! observations. "one by one" waits for each append before the next; "64 in flight" does not wait
-//! until 64 are unacknowledged. For redb a transaction is an append, or a group of 64. What was found
-//! stands in docs/decisions/0011-journal.md.
+//! `cargo bench --bench journal [-- FOLDER]` writes below FOLDER (the system's temporary folder by default:
+//! name one on the disk that is to be measured). Every append is one keyframe with 200 observations. "one by
+//! one" waits for each append before the next; "64 in flight" does not wait until 64 are unacknowledged. For
+//! redb a transaction is an append, or a group of 64. What was found is in docs/decisions/0011-journal.md.
 
 #![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
 

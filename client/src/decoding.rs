@@ -1,4 +1,4 @@
-//! What a protobuf message takes in memory once it is decoded, told from its bytes beforehand.
+//! Computes from the bytes of a protobuf message how much memory it takes once it is decoded.
 //!
 //! An empty entry of a list takes two bytes on the wire and as many as its struct has in memory, a
 //! hundredfold. A decoder that finds that out has allocated it already. So the bytes are walked

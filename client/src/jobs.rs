@@ -1,6 +1,6 @@
 //! Jobs: the calls of `JobService`, the files that jobs take, and those that they make.
 //!
-//! A job survives its client and the server: whoever has its `job_id` finds it again. A call is made
+//! A job survives its client and the server: a caller that has its `job_id` finds it again. A call is made
 //! once; creating a job again with the same id and spec answers the job that is there.
 
 use tokio_stream::{Stream, StreamExt as _};

@@ -3,10 +3,10 @@
 //! An entry is waiting (not yet on this stream), sent, or received (kept only while the server will
 //! still tell DURABLE). Entries leave with RECEIVED or REJECTED, on a durable server with DURABLE.
 //!
-//! Memory holds the oldest entries. What does not fit goes to the spill file, where there is one, and
-//! comes back as they leave. From the first item in the file on, the file holds everything that is
-//! unanswered, in order, also what memory holds: whoever opens it next has no gap. A state machine
-//! without clock, task or channel.
+//! Memory holds the oldest entries. What does not fit goes to the spill file, where there is one, and comes
+//! back as they leave. From the first item in the file on, the file holds everything that is unanswered, in
+//! order, also what memory holds: the next session that opens it has no gap. A state machine without clock,
+//! task or channel.
 
 use std::collections::VecDeque;
 

@@ -1,4 +1,4 @@
-//! What a measurement does to voxels: it is averaged in, but where it tells that the scene has changed.
+//! What a measurement does to voxels: it is averaged in, unless it shows that the scene has changed.
 //!
 //! That is where a distance differs by more than the noise of depth and two voxels:
 //!

@@ -1,7 +1,7 @@
 //! A rolling shutter: rows are exposed one after the other while the camera turns.
 //!
-//! A frame's pose is that of its middle row. Row v was exposed earlier or later by its share of the
-//! readout; points are projected where they were then, and rays are turned back to the middle.
+//! A frame's pose is the pose of its middle row. Row v was exposed earlier or later by its share of
+//! the readout; points are projected where they were then, and rays are turned back to the middle.
 //! Translation during a readout is left out: at walking speed it is a few centimeters.
 
 use nalgebra::{Vector2, Vector3};

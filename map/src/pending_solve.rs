@@ -1,8 +1,8 @@
 //! What an item asks to be solved, and the items whose solves are outstanding.
 //!
-//! A map keeps of each client the last item that asked for a solve, until a solve covers it, so that
-//! whoever takes the map over (a restart, an import) continues with it. In lock-step no other item is
-//! unsolved; otherwise the solve of the last item covers most of the others. Nothing is solved here.
+//! A map keeps of each client the last item that asked for a solve, until a solve covers it, so that a server
+//! that opens the map again (a restart, an import) continues with it. In lock-step no other item is unsolved;
+//! otherwise the solve of the last item covers most of the others. Nothing is solved here.
 
 use super::{Affected, Change, ConstraintKind, EntityId, Map, affected};
 

@@ -1,7 +1,7 @@
 //! The images of keyframes: which camera captured each, from where, and what it shows.
 //!
-//! A keyframe has one camera, or none where it has no observations. Whoever projects into an image,
-//! casts rays from it or compares cameras reads its [`View`]s; whoever wants where the keyframe itself is
+//! A keyframe has one camera, or none if it has no observations. Code that projects into an image, casts rays
+//! from it or compares cameras reads its [`View`]s; code that needs the pose of the keyframe itself
 //! (trajectories, pose graphs) reads its pose. Nothing is estimated here.
 
 use covis_solvers::geometry::Se3;

@@ -1,7 +1,7 @@
 //! Sparse nonlinear least squares for SLAM: bundle adjustment, pose graphs, pose refinement.
 //!
-//! Every problem minimizes ½ Σ ρ(rᵀΩr) over poses, camera parameters and landmarks.
-//! Modules stand on floors, lowest first; a file uses only what stands below it:
+//! Every problem minimizes ½ Σ ρ(rᵀΩr) over poses, camera parameters and landmarks. Modules are in
+//! layers, lowest first; a file uses only the layers below it:
 //!
 //! | floor | modules |
 //! |---|---|

@@ -1,7 +1,7 @@
 //! What to do next about an error that a user can do something about.
 //!
-//! The errors themselves say what happened and to what; they know neither flags nor commands, so that
-//! this stands here. Where nothing is sure to help, nothing is said.
+//! The errors themselves say what happened and to what; they know neither flags nor commands, so that the
+//! advice is here. Where nothing is sure to help, nothing is said.
 
 use std::io::ErrorKind;
 

@@ -1,10 +1,10 @@
 //! `covis doctor` and `covis backup`: data directories of servers.
 //!
-//! The doctor looks at one that no server uses, tells what is damaged, and repairs it. A backup
-//! copies one, also while a server uses it, and looks at the copy, which is a data directory of its
-//! own: `covis serve --data-dir COPY` restores it. Everything is done by [`crate::store`]; this
-//! prints it. Exit code 1 where something was damaged, also when it has been repaired: a second
-//! look then finds nothing.
+//! The doctor checks one that no server uses, reports what is damaged, and repairs it. A backup
+//! copies one, even while a server uses it, and checks the copy, which is a data directory itself:
+//! `covis serve --data-dir COPY` restores it. [`crate::store`] does everything; this prints it. The
+//! exit code is 1 if something was damaged, even if it has been repaired: a second check then finds
+//! nothing.
 
 use std::path::{Path, PathBuf};
 

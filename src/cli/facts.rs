@@ -1,4 +1,4 @@
-//! What is known of the build, for `covis --version`. The build script tells (`build.rs`).
+//! Facts about the build, for `covis --version`. The build script (`build.rs`) provides them.
 //!
 //! The machine that the program runs on is not asked.
 

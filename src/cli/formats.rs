@@ -1,6 +1,6 @@
 //! Formats of files as arguments, and trajectories in any of them.
 //!
-//! The list is [`covis_solvers::io::format::FORMATS`]; nothing here knows what stands in a file.
+//! The list is [`covis_solvers::io::format::FORMATS`]; nothing here knows what a file contains.
 
 use std::path::Path;
 

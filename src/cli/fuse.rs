@@ -1,7 +1,8 @@
-//! `covis fuse`: a surface from recorded frames at poses that are given. No tracking, no server.
+//! `covis fuse`: reconstructs a surface from recorded frames at given poses. No tracking, no
+//! server.
 //!
 //! Opens the source, takes each frame's pose from the trajectory, and writes the mesh and the
-//! volume. Fusion is [`crate::frontend::dense`]'s.
+//! volume. [`crate::frontend::dense`] does the fusion.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -1,7 +1,7 @@
-//! `covis health`: whether a server serves, for whoever starts, probes or waits for one.
+//! `covis health`: whether a server is ready, for scripts and probes.
 //!
-//! Asks `grpc.health.v1`, which takes no token. The exit code is the answer. It asks once: who waits
-//! for a server calls again.
+//! Asks `grpc.health.v1`, which takes no token. The exit code is the answer. It asks once: to wait for a
+//! server, call it again.
 
 use std::time::Duration;
 

@@ -1,7 +1,7 @@
 //! Log lines on standard error, filtered by the configuration's `log`, as text or as JSON; spans to
 //! a collector, where one is named.
 //!
-//! Standard output belongs to results and stays free of them. Deletions are told at every level,
+//! Standard output belongs to results and stays free of them. Deletions are logged at every level,
 //! unless the filter itself says otherwise of their target `audit`. As JSON each line is one
 //! object, panics included: `timestamp`, `level`, `target`, `message`, the event's fields, and
 //! `spans` with theirs.

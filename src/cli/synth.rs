@@ -1,8 +1,8 @@
-//! `covis synth`: writes synthetic data whose truth is known.
+//! `covis synth`: writes synthetic data with ground truth.
 //!
 //! `rgbd` draws a sequence of [`crate::frontend::synthetic`] into a folder of the TUM layout, with
-//! the truth of the camera and of what moves beside it. All drawing is done there; this shows
-//! progress.
+//! the ground truth of the camera and of moving objects beside it. That module draws; this one
+//! shows progress.
 
 use std::path::PathBuf;
 

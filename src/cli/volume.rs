@@ -1,9 +1,9 @@
 //! Volumes of dense maps on the command line: `covis mesh` and `covis grid`, and the flags, files
 //! and figures that `covis fuse` and `covis run --mesh` share with them.
 //!
-//! A mesh is written as PLY or GLB. A grid is the ground as robots plan on it: occupancy as ROS'
-//! map_server reads it (PGM and YAML), or distances to the nearest surface on a slice (PFM). Fusion
-//! and navigation are [`crate::frontend::dense`]'s.
+//! A mesh is written as PLY or GLB. A grid is for path planning: occupancy as ROS' map_server reads
+//! it (PGM and YAML), or distances to the nearest surface on a slice (PFM).
+//! [`crate::frontend::dense`] does fusion and navigation.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

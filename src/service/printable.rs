@@ -1,8 +1,8 @@
 //! Which characters a text that a client chose may have, because a terminal may print it.
 //!
-//! A terminal obeys control characters: C0 and C1 begin escape sequences, which move the cursor, change
-//! the title or send input. Marks of direction reorder what stands around them, so that a name reads as
-//! another one. Neither has a place in a path or a name.
+//! A terminal obeys control characters: C0 and C1 begin escape sequences, which move the cursor, change the
+//! title or send input. Direction marks reorder the text around them, so that a name reads as another one.
+//! Neither has a place in a path or a name.
 
 use std::borrow::Cow;
 use std::fmt::Write;

@@ -1,8 +1,8 @@
 //! The files of jobs: records, uploads and results, on disk with the care of maps, or in memory.
 //!
-//! A file is complete and durable, or it is not there. What a later version wrote is told apart from
-//! damage and left untouched. What a record means is not known here. Everything blocks, briefly for
-//! records, as long as its body takes for others.
+//! A file is complete and durable, or it is not there. A file of a later version is distinguished from damage
+//! and left untouched. What a record means is not known here. Everything blocks, briefly for records, as long
+//! as its body takes for others.
 
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, Write};

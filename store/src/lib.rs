@@ -2,13 +2,13 @@
 //!
 //! It knows maps and their events (`covis-map`) and what a solve leaves behind (`covis-solvers`); of
 //! `covis-client` it takes the check of a message's size in memory, and nothing else. It knows nothing of
-//! gRPC, of the engine or of who asks. All files are written here, and only here is NATS known.
+//! gRPC, of the engine or of the caller. All files are written here, and only here is NATS known.
 //!
-//! A writer acquires a map and gets an [`Epoch`]; from then on writes of earlier epochs are refused.
-//! Event number n of a map has sequence n, which is its revision; an append says how far the writer
-//! believes the journal to be, so that two writers can never interleave. An append is accepted in
-//! order and at once; [`Store::follow`] tells when it has become durable, so that a writer need not
-//! wait for one fsync an event. No type of a particular database shows through.
+//! A writer acquires a map and gets an [`Epoch`]; from then on writes of earlier epochs are refused. Event
+//! number n of a map has sequence n, which is its revision; an append says how far the writer believes the
+//! journal to be, so that two writers can never interleave. An append is accepted in order and at once;
+//! [`Store::follow`] reports when it has become durable, so that a writer need not wait for one fsync an
+//! event. No type of a particular database shows through.
 //!
 //! | module | role |
 //! |---|---|

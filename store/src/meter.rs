@@ -1,8 +1,8 @@
 //! Instruments: counters, gauges and histograms as plain atomics.
 //!
-//! Whoever does the work holds them and pays one or two relaxed adds; what they are called, in which
-//! unit they are shown and who reads them is known in `service/telemetry` alone. Several servers in
-//! one process share none. Nothing here knows of async, of the wire or of a monitoring system.
+//! The code that does the work holds them and pays one or two relaxed adds; what they are called, in which
+//! unit they are shown and who reads them is known in `service/telemetry` alone. Several servers in one
+//! process share none. Nothing here knows of async, of the wire or of a monitoring system.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};

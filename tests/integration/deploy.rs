@@ -1,4 +1,4 @@
-//! What stands in `deploy/` is of this program: man pages, completions, and the commands of units,
+//! The files in `deploy/` fit this program: man pages, completions, and the commands of units,
 //! images and manifests.
 //!
 //! `COVIS_TEST_REGENERATE=1 cargo test --test integration generated` writes man pages and completions

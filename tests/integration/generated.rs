@@ -1,5 +1,5 @@
-//! The code that is generated from `proto/` stands in the repository, so that a build needs no
-//! compiler of protos. Here it is generated again, by protox and tonic-prost-build.
+//! The code that is generated from `proto/` is in the repository, so that a build needs no compiler
+//! of protos. Here it is generated again, by protox and tonic-prost-build.
 //!
 //! `COVIS_TEST_REGENERATE=1 cargo test --test integration generated` writes what has changed.
 //! The test itself is built with the code that is there: where that does not compile, bring back what

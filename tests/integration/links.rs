@@ -1,5 +1,5 @@
-//! Links whose other end is gone without a word: both sides find it, the client resumes and nothing is
-//! lost or doubled; and an OPTIMIZED that was lost with a link is told again.
+//! Links whose other end is gone without a word: both sides find it, the client resumes and nothing is lost
+//! or doubled; and an OPTIMIZED that was lost with a link is reported again.
 //!
 //! Probes are configured to be quick; the tests wait for what happens, not for time.
 

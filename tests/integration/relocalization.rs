@@ -1,6 +1,6 @@
-//! A camera that was covered for three seconds asks the server where it is: the reference frontend, the
-//! real server, recorded and rendered frames. Each attempt is compared with the pose of the same frame in
-//! a run that nothing interrupts. The time of an attempt is told with `--nocapture`.
+//! A camera that was covered for three seconds asks the server where it is: the reference frontend, the real
+//! server, recorded and rendered frames. Each attempt is compared with the pose of the same frame in a run
+//! that nothing interrupts. `--nocapture` prints the time of an attempt.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;

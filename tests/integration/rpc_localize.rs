@@ -1,4 +1,4 @@
-//! `Localize`: a lost robot is told where it is, and each code.
+//! `Localize`: a lost robot learns where it is, and each code.
 
 use std::collections::BTreeSet;
 use std::time::Duration;

@@ -10,7 +10,7 @@
 //! | `robot` | a client that remembers what it was told, and holds every answer against it |
 //! | `world` | one run: the server, its robots, crashes and restarts |
 //!
-//! How to run many, repeat one and add a fault is told in docs/simulation.md.
+//! docs/simulation.md describes how to run many, repeat one and add a fault.
 
 mod answer;
 mod disk;

@@ -5,10 +5,10 @@
 //! frame = length (u32) CRC-32C of length and payload (u32) payload      numbers little-endian
 //! ```
 //!
-//! The file is emptied when all in it is answered and removed with the session. It outlives the end
-//! of the process, not that of the machine: nothing is synced. A process holds it by a lock. Whatever
-//! a file holds, opening it fails or gives items whose checksums are right and whose sequences rise;
-//! the rest is moved to a file beside it and told in [`LeftOver`].
+//! The file is emptied when all in it is answered and removed with the session. It outlives the end of the
+//! process, not that of the machine: nothing is synced. A process holds it by a lock. Whatever a file holds,
+//! opening it fails or gives items whose checksums are right and whose sequences rise; the rest is moved to a
+//! file beside it and reported in [`LeftOver`].
 
 #[cfg(test)]
 pub(super) mod tests;

@@ -1,6 +1,6 @@
 //! The generated code of `proto/covis/v1`: messages, clients and servers.
 //!
-//! Only the codec is written by hand. The rest stands in the repository;
+//! Only the codec is written by hand. The rest is generated and kept in the repository;
 //! `tests/integration/generated.rs` says how it is generated again.
 
 #![allow(missing_docs, reason = "the comments stand in the proto files")]

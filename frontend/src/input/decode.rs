@@ -1,4 +1,4 @@
-//! PNG and JPEG files to images; the first bytes tell which of the two, not the name.
+//! Decodes PNG and JPEG files; the first bytes decide which of the two a file is, not its name.
 //!
 //! Hostile bytes give an error and never a panic, and memory for pixels is taken only where the file
 //! is long enough to hold that many.

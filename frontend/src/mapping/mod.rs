@@ -1,5 +1,5 @@
 //! The bridge to the server: keyframes are sent as items, `WatchMap` returns corrections,
-//! `Localize` tells where a lost camera is.
+//! `Localize` finds where a lost camera is.
 //!
 //! | file | role |
 //! |---|---|

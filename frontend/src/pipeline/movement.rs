@@ -1,5 +1,5 @@
 //! C. Which pixels of a frame show something that moves: as detected, and as the user says. Older
-//! keyframes with about the same view tell what was free space then. No pose is changed here.
+//! keyframes with about the same view show what was free space then. No pose is changed here.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 

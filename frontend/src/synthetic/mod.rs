@@ -1,8 +1,8 @@
 //! Ray-cast RGB-D sequences of an indoor scene: the truth of camera and motion is known exactly.
 //!
-//! A sequence is a function of scene, seed and frame number, on any number of threads; frames can be
-//! drawn in any order. `scene` says what stands and moves, `render` casts the rays, `sensor` adds what
-//! a Kinect does to them, `writer` keeps a sequence in the TUM layout.
+//! A sequence is a function of scene, seed and frame number, on any number of threads; frames can be drawn in
+//! any order. `scene` defines what is static and what moves, `render` casts the rays, `sensor` adds what a
+//! Kinect does to them, `writer` keeps a sequence in the TUM layout.
 //! `corridor` draws nothing: its views are points along a wall, for loads on a server.
 //!
 //! | file | role |

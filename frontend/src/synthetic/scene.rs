@@ -1,4 +1,4 @@
-//! The scenes: what stands, what moves and how, where the camera is, and how it is exposed.
+//! The scenes: what is static, what moves and how, where the camera is, and how it is exposed.
 //!
 //! Everything is a function of time, so that frames can be drawn in any order.
 

@@ -1,11 +1,11 @@
 //! What the way between two keyframes says of their relative pose: the odometry drifts with it.
 //!
-//! The shortest way through the map, over keyframes of a client that follow each other and share
-//! landmarks and over constraints that count, is the longest that errors can have grown on. What is
-//! expected is what was measured on it, odometry and constraints: a keyframe that a client sends in a
-//! frame of its own is where it is expected before any solve has moved it. Errors are taken as systematic,
-//! so that they grow with the way and not with its root: whoever is believed too much here refuses true
-//! closures. Where no way leads from one to the other nothing is expected. It judges no closure.
+//! The shortest way through the map, over keyframes of a client that follow each other and share landmarks
+//! and over constraints that count, is the longest that errors can have grown on. What is expected is what
+//! was measured on it, odometry and constraints: a keyframe that a client sends in a frame of its own is
+//! where it is expected before any solve has moved it. Errors are taken as systematic, so that they grow with
+//! the distance and not with its root: a path that is trusted too much refuses true closures. Where no way
+//! leads from one to the other nothing is expected. It judges no closure.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};

@@ -1,9 +1,9 @@
 //! Maps that become one, and apart again: what the event of a merge holds, and how it is made.
 //!
-//! Ids never collide: an entity is named by its client, and a client stands in one map only. The content
-//! of the source comes as values in the target's frame; from then on it is like that of any other client.
-//! To undo a merge, the clients that came with it leave with all that is theirs, wherever solves have
-//! moved it meanwhile. How the frames of both maps were found is not known here.
+//! Ids never collide: an entity is named by its client, and a client is in one map only. The content of the
+//! source comes as values in the target's frame; from then on it is like that of any other client. To undo a
+//! merge, the clients that came with it leave with all that is theirs, wherever solves have moved it
+//! meanwhile. How the frames of both maps were found is not known here.
 
 mod moving;
 mod renaming;

@@ -1,9 +1,9 @@
 //! The index over the descriptors of one type: same name, same length.
 //!
-//! Each descriptor stands in two tables under 32 of its bits, with 32 others beside it that spare most
-//! looks at the descriptor itself. A query votes for keyframes by what its descriptors find, weighted by
-//! how few keyframes have it; then it is compared with the best of each island in full. Knows nothing of
-//! other types, and checks nothing.
+//! Each descriptor is in two tables under 32 of its bits, with 32 others beside it that spare most looks at
+//! the descriptor itself. A query votes for keyframes by what its descriptors find, weighted by how few
+//! keyframes have it; then it is compared with the best of each island in full. Knows nothing of other types,
+//! and checks nothing.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

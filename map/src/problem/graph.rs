@@ -13,7 +13,7 @@
 //! motion, σ_t = 0.02 d + 0.002 d̄ and σ_r = 0.005 rad + 0.02 θ, with distance d, angle θ and the median
 //! distance d̄ of consecutive keyframes, which carries the map's unknown scale.
 //!
-//! Both measurements and closures claim to be better than they are, each by a factor of its own for a
+//! Both measurements and closures state covariances that are too small, each by a factor of its own for a
 //! client; [`variance_factors`] finds them and they are taken out here.
 
 use std::collections::{BTreeMap, BTreeSet};

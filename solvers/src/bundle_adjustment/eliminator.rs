@@ -1,8 +1,8 @@
 //! Elimination of the landmarks, for one size of view and observation.
 //!
-//! What depends on how many columns a view has and how many rows an observation is compiled for each
-//! size and stands behind [`Eliminator`]; everything else is compiled once. Chunks run side by side
-//! on the thread pool. It knows neither the loop nor how the reduced system is solved.
+//! What depends on how many columns a view has and how many rows an observation is compiled for each size and
+//! is hidden behind [`Eliminator`]; everything else is compiled once. Chunks run side by side on the thread
+//! pool. It knows neither the loop nor how the reduced system is solved.
 
 use super::accumulate::{Accumulate, ChunkSums};
 use super::back_substitute::{BackSubstitute, Cost, StepSums};

@@ -1,9 +1,9 @@
 //! Rigid motions of the plane, x ↦ R x + t.
 //!
-//! The tangent is (v_x, v_y, ω) and the logarithm is that of the whole group: t = V(ω) v with
-//! V = ∫₀¹ R(uω) du, not the pair (t, ω). Jacobians are those of Solà et al. (2018), section
-//! "The 2D rigid motion group", written with the cancellation-free coefficients A to D. That the
-//! rotation stays unit is the work of `So2`.
+//! The tangent is (v_x, v_y, ω) and the logarithm is the full group logarithm: t = V(ω) v with V =
+//! ∫₀¹ R(uω) du, not the pair (t, ω). Jacobians are those of Solà et al. (2018), section "The 2D
+//! rigid motion group", written with the cancellation-free coefficients A to D. That the rotation
+//! stays unit is the work of `So2`.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 

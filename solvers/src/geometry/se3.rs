@@ -1,10 +1,10 @@
 //! Rigid motions of space, x ↦ R x + t.
 //!
-//! The tangent is (ρ, φ), translation first, and the logarithm is that of the whole group:
-//! t = J_l(φ) ρ. The Jacobian is block triangular, J = [J_φ Q; 0 J_φ], with the coupling block Q
-//! of Barfoot and Furgale (2014) reduced by a^ b^ a^ = −(a·b) a^ to sums of outer products, and
-//! its inverse is [J⁻¹ −J⁻¹QJ⁻¹; 0 J⁻¹]: no matrix is inverted numerically. The rotation stays
-//! unit because [`So3::compose`] renormalizes each product.
+//! The tangent is (ρ, φ), translation first, and the logarithm is the full group logarithm: t =
+//! J_l(φ) ρ. The Jacobian is block triangular, J = [J_φ Q; 0 J_φ], with the coupling block Q of
+//! Barfoot and Furgale (2014) reduced by a^ b^ a^ = −(a·b) a^ to sums of outer products, and its
+//! inverse is [J⁻¹ −J⁻¹QJ⁻¹; 0 J⁻¹]: no matrix is inverted numerically. The rotation stays unit
+//! because [`So3::compose`] renormalizes each product.
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 

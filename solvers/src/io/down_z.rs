@@ -1,7 +1,7 @@
 //! Cameras that look down −z with y up, and images whose v points up: those of BAL and Bundler.
 //!
-//! The one place where these axes become covis' (z forward, y down, v down) and back. The world stays
-//! as it is, and so do residuals but for the sign of v. Must not read or write files.
+//! The one place where these axes become covis' (z forward, y down, v down) and back. The world stays as it
+//! is, and so do residuals except for the sign of v. Must not read or write files.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 

@@ -1,4 +1,4 @@
-//! What reading a file takes in memory, told from its bytes before it is parsed.
+//! Computes from the bytes of a file, before it is parsed, how much memory reading it takes.
 //!
 //! A number of two bytes may become sixty in memory, so the length of a file says little. What a parser
 //! keeps, and what its conversion makes of it, is bounded by the words of a text and by the bytes of a

@@ -2,8 +2,8 @@
 //!
 //! Where H is positive semi-definite the cross terms lie in the range of the eliminated block, so
 //! that its pseudo-inverse gives the exact Schur complement, also block after block. Matrices come
-//! scaled to diagonals of at most about one: then one threshold tells rounding from information. It
-//! knows neither poses nor factors.
+//! scaled to diagonals of at most about one: then one threshold separates rounding from
+//! information. It knows neither poses nor factors.
 
 use nalgebra::{DMatrix, Matrix6};
 

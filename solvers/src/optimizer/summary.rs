@@ -1,6 +1,6 @@
 //! What happened in a solve: iterations, termination, and the figures that certify it.
 //!
-//! Not converging is an outcome that is told here, never an error. Nothing is computed here.
+//! Not converging is an outcome that is reported here, never an error. Nothing is computed here.
 
 use std::fmt;
 

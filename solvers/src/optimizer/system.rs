@@ -1,6 +1,6 @@
 //! A nonlinear least-squares problem as the loop of [`super::trust_region`] sees it.
 //!
-//! Only what crosses between the two stands here: no matrix, and no decision about steps.
+//! Only the interface between the two is here: no matrix, and no decision about steps.
 
 use super::summary::IterationSummary;
 use super::trust_region::LoopState;

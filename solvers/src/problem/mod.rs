@@ -2,7 +2,7 @@
 //!
 //! A problem is plain data. [`BundleProblem`] holds poses, cameras and landmarks; [`PoseGraph`]
 //! holds poses of one group. `validate` names the first variable or factor that makes a problem
-//! unsolvable as posed; how to solve it stands on higher floors.
+//! unsolvable as posed; how to solve it is in higher layers.
 //!
 //! | file | role |
 //! |---|---|

@@ -1,8 +1,8 @@
 //! The stages of a reconstruction after the first poses: adjustments, resection, relative poses.
 //!
 //! Points are triangulated anew before each adjustment, with a gate that narrows; keyframes that too few
-//! observations hold lose their poses, and may get others by resection. What it adjusts is
-//! `pipeline`'s estimate; the order of the stages is told there.
+//! observations hold lose their poses, and may get others by resection. What it adjusts is `pipeline`'s
+//! estimate; the order of the stages is described there.
 
 use super::adjustment::{Adjustment, adjust};
 use super::bearings::{Bearing, Bearings};

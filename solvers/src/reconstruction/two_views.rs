@@ -1,12 +1,12 @@
 //! The relative pose of two keyframes from rays alone: the essential matrix that most pairs agree on.
 //!
-//! LO-RANSAC over five-point samples (Nistér 2004; Chum, Matas and Kittler 2003). The residual of a pair
-//! of rays is Sampson's: b·(t × R a) over its standard deviation, first order (Sampson 1982). The pose is
-//! refined over its five unknowns, and the information that is left of the rotation when the direction of
-//! the translation is eliminated goes with it: a pair with a short baseline tells little of the turn that
-//! looks like a shift, and says so. Where all rays are parallel after a turn the translation is open; that
-//! is told by the parallax, not refused. Of the translation only the direction is found, and nothing of
-//! it is returned.
+//! LO-RANSAC over five-point samples (Nistér 2004; Chum, Matas and Kittler 2003). The residual of a pair of
+//! rays is Sampson's: b·(t × R a) over its standard deviation, first order (Sampson 1982). The pose is
+//! refined over its five unknowns, and the information that is left of the rotation when the direction of the
+//! translation is eliminated goes with it: a pair with a short baseline says little about the rotation that
+//! looks like a shift, and says so. Where all rays are parallel after a turn the translation is open; that is
+//! told by the parallax, not refused. Of the translation only the direction is found, and nothing of it is
+//! returned.
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix5, Vector3, Vector5};
 

@@ -1,11 +1,11 @@
 //! By how much the stated covariances of a graph's edges are too small, as the positions say that were measured
 //! in it.
 //!
-//! Relative poses from views share what is wrong with a camera: together they are much less certain than
-//! each of them says, and a map can be bent by more than any of its parts. A few true positions then
-//! contradict it, as many false ones would. Larger covariances of the edges meet true positions all at once,
-//! and false ones one by one: the variance of the edges grows until the median of the positions' T ([`costs`])
-//! is that of true ones. Nothing is judged here.
+//! Relative poses from views share what is wrong with a camera: together they are much less certain than each
+//! of them says, and a map can be bent by more than any of its parts. A few true positions then contradict
+//! it, as many false ones would. Larger covariances of the edges meet true positions all at once, and false
+//! ones one by one: the variance of the edges grows until the median of the positions' T ([`costs`]) is the
+//! one of true ones. Nothing is judged here.
 
 use super::positions::costs;
 use crate::geometry::LieGroup;

@@ -9,7 +9,7 @@
 //! | `page` | the same as an HTML file, with the trajectories |
 //!
 //! A run never sees the truth, which is opened when both runs of a sequence have ended. A sequence
-//! that cannot be run is told and the next one follows.
+//! that cannot be run is reported and the next one follows.
 
 mod page;
 mod table;

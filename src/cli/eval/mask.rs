@@ -2,7 +2,7 @@
 //!
 //! A mask is an 8-bit gray PNG, more than 127 is masked, and belongs to the time that its name
 //! tells in seconds. A folder is either full of them or has a `mask.txt` in TUM's form (`time
-//! path`). All counting stands in [`crate::evaluation`]; this file reads and prints.
+//! path`). All counting is in [`crate::evaluation`]; this file reads and prints.
 
 use std::io::BufReader;
 use std::path::{Path, PathBuf};

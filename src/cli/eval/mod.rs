@@ -1,7 +1,7 @@
 //! `covis eval`: the errors of a trajectory, or of masks of what moves, against the truth.
 //!
 //! The figures agree with `evo_ape tum … -a` and `evo_rpe tum …`; with `--per-second` or
-//! `--delta-s` with `evaluate_rpe.py` of the TUM RGB-D benchmark. All mathematics stands in
+//! `--delta-s` with `evaluate_rpe.py` of the TUM RGB-D benchmark. All mathematics is in
 //! [`crate::evaluation`].
 
 pub(super) mod mask;

@@ -1,7 +1,7 @@
-//! The true trajectory: a file of any format, or a recorded folder with the truth beside its images.
+//! The ground truth: a file of any format, or a recorded folder with the truth beside its images.
 //!
 //! `covis eval truth` writes it as a file, for instance for evo. Only commands that compare with
-//! the truth or are told to use it come here; the frontend does not.
+//! the truth, or that the user asks to use it, read it; the frontend does not.
 
 use std::path::{Path, PathBuf};
 

@@ -1,9 +1,9 @@
-//! `covis load`: so many maps at once, each with a client that sends keyframes at a fixed rate, and how
-//! long acks and corrections took.
+//! `covis load`: several maps at once, each with a client that sends keyframes at a fixed rate; measures how
+//! long acks and corrections take.
 //!
-//! Keyframes are those of [`crate::frontend::synthetic::corridor`]. The maps have names that nothing else
-//! has and are deleted at the end, also after a failure or an interrupt; a map that was there before is
-//! never touched. A correction is measured to its OPTIMIZED ack.
+//! Keyframes are those of [`crate::frontend::synthetic::corridor`]. The maps have unique names and are
+//! deleted at the end, also after a failure or an interrupt; it never touches an existing map. A correction
+//! is measured to its OPTIMIZED ack.
 
 pub mod robot;
 

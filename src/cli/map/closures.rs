@@ -1,7 +1,7 @@
-//! `covis map closures`: what the searches for known places found, a line a candidate.
+//! `covis map closures`: what the searches for known places found, one line per candidate.
 //!
 //! Shows what the server answered: which keyframes looked alike, the loop closure that was added, or the
-//! reason why none was. Judges nothing itself.
+//! reason why none was. It judges nothing itself.
 
 use std::collections::BTreeMap;
 

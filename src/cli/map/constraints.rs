@@ -1,7 +1,7 @@
-//! `covis map constraints`: the constraints of a map, a line each.
+//! `covis map constraints`: the constraints of a map, one per line.
 //!
-//! Shows what the server answered: which keyframes, what kind, and whether the constraint is switched
-//! off. Judges nothing itself.
+//! Shows what the server answered: which keyframes, what kind, and whether the constraint is switched off. It
+//! judges nothing itself.
 
 use serde::Serialize;
 

@@ -1,6 +1,6 @@
 //! A map as `covis map` prints it: a row of a table, a page of details, or JSON.
 //!
-//! Only converts what the server answered; asks nothing and prints nothing itself.
+//! It only converts the server's answers; it asks nothing and prints nothing itself.
 
 use serde::Serialize;
 

@@ -1,8 +1,8 @@
 //! `covis map edit`: changes or removes what a map of a running server holds.
 //!
-//! The edit is one item of an ingest stream, sent under a client name of its own; the command ends
-//! once the server has answered it, on a server with a disk once it is durable. Nothing is read or
-//! written but through [`crate::client`].
+//! The edit is one item of an ingest stream, sent under its own client name; the command ends once
+//! the server has answered it, on a server with a disk once it is durable. It reads and writes only
+//! through [`crate::client`].
 
 use std::str::FromStr;
 

@@ -1,7 +1,7 @@
 //! `covis map export`: writes the files of an export, chunk by chunk.
 //!
-//! A file that stands in the way is replaced only once the new one is complete. What the files hold
-//! is the server's.
+//! An existing file is replaced only once the new one is complete. The server decides what the
+//! files hold.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! `covis map import`, and the formats of files.
 //!
-//! Files are read piece by piece while they are sent; which format they have is told by their names,
-//! unless an argument says it. What is in them is read by the server alone.
+//! Files are read piece by piece while they are sent; their names decide their format, unless an argument
+//! does. Only the server reads their content.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};

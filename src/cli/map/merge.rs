@@ -1,6 +1,6 @@
-//! `covis map merge` and `covis map unmerge`: maps that become one, and apart again.
+//! `covis map merge` and `covis map unmerge`: merges two maps, and separates them again.
 //!
-//! The server finds where the maps lie in each other; nothing is decided here.
+//! The server aligns the maps; nothing is decided here.
 
 use serde::Serialize;
 

@@ -2,9 +2,9 @@
 //!
 //! Keyframe by keyframe, each with its observations and the file's start values, so that the server
 //! does all that it does for a robot: checks, acks, local bundle adjustment. Then the whole map is
-//! optimized (trivial loss, intrinsics and first keyframe fixed). RMSE = √(Σ‖r‖² / N). A link that
-//! breaks is made again and the stream resumed, for `--reconnect-for` seconds. Reads files and
-//! speaks through [`crate::client`]; no mathematics here.
+//! optimized (trivial loss, intrinsics and first keyframe fixed). RMSE = √(Σ‖r‖² / N). If the link
+//! breaks, it reconnects and resumes the stream, for up to `--reconnect-for` seconds. It reads
+//! files and calls the server through [`crate::client`]; no mathematics here.
 
 mod levels;
 mod recording;

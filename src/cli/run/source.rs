@@ -1,5 +1,5 @@
-//! Where `covis run` gets its frames: `tum:FOLDER` or `synthetic:SCENE`. Says what had to be
-//! assumed; reading is [`crate::frontend::input`]'s.
+//! Where `covis run` gets its frames: `tum:FOLDER` or `synthetic:SCENE`. It reports what it had to
+//! assume; [`crate::frontend::input`] does the reading.
 
 use std::collections::VecDeque;
 use std::fmt;

@@ -1,6 +1,6 @@
-//! What the report of a pose graph tells besides rows and costs: the start, the closures that were
-//! switched off, the certificate, which is never of the cost that stands beside it, and the
-//! diagnosis of the graph itself: gauge, repairs, what stays open.
+//! What the report of a pose graph contains besides rows and costs: the start, the closures that
+//! were switched off, the certificate, which is never of the cost that is printed beside it, and
+//! the diagnosis of the graph itself: gauge, repairs, what stays open.
 //!
 //! The diagnosis is made at the solution and after the clock has stopped.
 

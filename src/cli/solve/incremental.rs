@@ -1,12 +1,11 @@
-//! `covis solve pose-graph --incremental`: a file's vertices one by one, as a robot would bring
+//! `covis solve pose-graph --incremental`: adds a file's vertices one by one, as a robot would send
 //! them.
 //!
-//! Step k appends the k-th vertex in id order with all its edges to lower ids, and is over once the
-//! estimate of every vertex so far stands at a minimum. Whether that is the lowest is not known; the
-//! report has the optimum of the batch solver beside it. The vertices' own numbers are not used
-//! but the first's, which is held. Rows are taken between steps, outside of the time of any. The steps
-//! themselves are those of `covis_solvers::pose_graph::GrowingPoseGraph`; this file brings the vertices
-//! and takes the times.
+//! Step k appends the k-th vertex in id order with all its edges to lower ids, and ends when the estimate of
+//! all vertices so far is at a minimum. Whether it is the global one is not known; the report has the optimum
+//! of the batch solver beside it. Of the file's poses only the first is used, which is held fixed. Rows are
+//! computed between steps, outside of their time. The steps themselves are those of
+//! `covis_solvers::pose_graph::GrowingPoseGraph`; this file brings the vertices and takes the times.
 
 use std::time::Instant;
 

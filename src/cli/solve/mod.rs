@@ -1,9 +1,9 @@
-//! `covis solve`: a file in, its optimum out.
+//! `covis solve`: reads a problem from a file and optimizes it.
 //!
-//! The clock of a solve starts when the file's numbers stand in plain arrays: building the problem,
-//! initialization, ordering and thread start are counted. The solvers' own clock starts at their
-//! call; [`report::Report`] adds what came before. This room reads files, measures times and writes
-//! reports; nothing is solved in it.
+//! The clock of a solve starts when the file's numbers are in plain arrays: it includes building
+//! the problem, initialization, ordering and thread start. The solvers' own clock starts at their
+//! call; [`report::Report`] adds what came before. This module reads files, measures times and
+//! writes reports; it solves nothing.
 //!
 //! | file | role |
 //! |---|---|

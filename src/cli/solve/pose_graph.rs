@@ -2,12 +2,11 @@
 //!
 //! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), with the lowest id fixed, or the `FIX` lines
 //! of the file where it has some. With `--repair-information` Ω is the nearest positive
-//! semi-definite matrix, and that is what `--out` writes. The time that the start takes is counted.
-//! With `--robust` the cost is that of odometry and the loop closures at their weights, and the
-//! rows are those of the last solve. With `--certify` that solve starts from the optimum of the
-//! chordal objective, which is what the certificate is of: the cost told is still that of the Log
-//! objective and has no proof. The stages and their order are those of
-//! `covis_solvers::graph_optimization`.
+//! semi-definite matrix, and that is what `--out` writes. The reported time includes the start.
+//! With `--robust` the cost is over odometry and the loop closures at their weights, and the rows
+//! are of the last solve. With `--certify` that solve starts from the optimum of the chordal
+//! objective, to which the certificate applies: the reported cost is still of the Log objective and
+//! has no proof. `covis_solvers::graph_optimization` has the stages and their order.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,9 @@
-//! `covis solve bundle --rebuild`: poses and points from the observations, in place of the file's.
+//! `covis solve bundle --rebuild`: reconstructs poses and points from the observations, in place of
+//! the file's.
 //!
-//! What is reconstructed is the start of the solve that follows, over the observations that agree.
-//! Progress is a line a stage and a second; nothing of it goes where `--json` is read. Which
-//! observations agree is decided by the solver crate.
+//! The reconstruction is the start of the solve that follows, over the observations that agree.
+//! Progress is one line per stage and second, and none with `--json`. The solver crate decides
+//! which observations agree.
 
 use anyhow::Context;
 use covis_solvers::bundle_adjustment::LinearSolver;

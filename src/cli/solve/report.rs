@@ -1,6 +1,6 @@
 //! The report of a solve: rows as they come and a summary for a person, or one JSON object.
 //!
-//! Seconds count from where the file's numbers stood in plain arrays and have the resolution of a
+//! Seconds count from when the file's numbers were in plain arrays and have the resolution of a
 //! microsecond. Row 0 is the unmodified start; a rejected step repeats the cost before it. Only the
 //! decrease of the cost from row to row is computed here.
 

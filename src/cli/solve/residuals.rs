@@ -1,6 +1,6 @@
 //! Residuals of a solve by what is measured: rows of the JSON object and lines under the table.
 //!
-//! The figures come from the evaluator; nothing is computed here. A hint stands where a sigma is off.
+//! The figures come from the evaluator; nothing is computed here. A hint is printed if a sigma is off.
 
 use covis_solvers::evaluation::{CostReport, Quantity, ResidualStatistics, SigmaJudgment};
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! Callers and their tenants. A tenant sees only its own maps, under names of its own choice.
+//! Callers and their tenants. A tenant sees only its own maps, under names that it chooses.
 //!
 //! The engine knows a map as `tenant.name`; neither part can hold a dot, and the maps of the default
 //! tenant have the bare name. The tenant stays inside the server: it is in no answer and no error.

@@ -2,8 +2,8 @@
 //!
 //! The transport takes any stream of [`Accepted`] sockets. Those of the system come from
 //! [`accepted`]; a simulated network has its own sockets for the same services. Each connection is
-//! served separately, so that a single one can be told to go away. A connection is a stranger until
-//! the guard admits a call.
+//! served separately, so that a single one can be closed. A connection is a stranger until the
+//! guard admits a call.
 //!
 //! | module | role |
 //! |---|---|

@@ -1,10 +1,10 @@
 //! What was measured between pairs of keyframes, kept so that a pose graph does not measure it again.
 //!
-//! A measurement is a function of what the map holds ([`PairInput`]), so that this is a cache: lost with
-//! the process, made again when it is asked for, and the same then. The engine tells what each change of
-//! the map does to measurements ([`MeasuredPairs::note`]), and one that is older than such a change is
-//! made again. Windows fill it as keyframes come; a pose graph measures what is missing on the threads
-//! of its solve. It is shared by the solves and the exports of one map and uses nothing of the engine.
+//! A measurement is a function of what the map holds ([`PairInput`]), so that this is a cache: lost with the
+//! process, and recomputed on demand with the same result. The engine tells what each change of the map does
+//! to measurements ([`MeasuredPairs::note`]), and one that is older than such a change is made again. Windows
+//! fill it as keyframes come; a pose graph measures what is missing on the threads of its solve. It is shared
+//! by the solves and the exports of one map and uses nothing of the engine.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::sync::MutexGuard;

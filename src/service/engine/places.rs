@@ -1,9 +1,9 @@
 //! The index of a map's places, kept so that a search need not index the map again.
 //!
 //! It is a function of what the map holds and lost with the process: it is made when a place is first
-//! searched, and brought up to the map of each later search by what differs, a piece at a time. So nobody has to tell what
-//! changed, and whoever changes the map never waits for it. It is shared by the searches and the calls of
-//! one map, blocks its thread and uses nothing of the engine.
+//! searched, and brought up to the map of each later search by what differs, a piece at a time. So no caller
+//! has to report what changed, and changes of the map never wait for it. It is shared by the searches and the
+//! calls of one map, blocks its thread and uses nothing of the engine.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};

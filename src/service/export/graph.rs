@@ -1,9 +1,9 @@
 //! The pose graph of a map as lines of a g2o file.
 //!
-//! The edges are those that a solve counts, with the information that they have there: measurements
-//! between keyframes, and constraints but for switched-off closures. The format has no priors and no
-//! losses. A `FIX` line holds the lowest keyframe of each piece, as a solve does where no prior says
-//! where the piece is.
+//! The edges are those that a solve counts, with the information that they have there: measurements between
+//! keyframes, and constraints except for switched-off closures. The format has no priors and no losses. A
+//! `FIX` line holds the lowest keyframe of each piece, as a solve does where no prior says where the piece
+//! is.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! The work of jobs on maps. Each kind is the call that it stands for, without a caller who waits.
+//! The work of jobs on maps. Each kind does what its RPC does, without a caller that waits.
 //!
 //! Whatever changes a map asks [`Cancellation`](crate::service::engine::Cancellation) before it does:
 //! a job that is canceled leaves the map as it was.

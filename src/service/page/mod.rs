@@ -1,4 +1,4 @@
-//! The page that shows maps in a browser, on a listener of its own.
+//! The page that shows maps in a browser, on its own listener.
 //!
 //! The page is a client like any other: it calls the services of the wire by gRPC-Web, behind the same
 //! guard and with the same limits. Without a token it gets only the files it consists of.

@@ -1,4 +1,4 @@
-//! Whether a stream of parts is a map that stands in memory, without a second map beside it.
+//! Compares a stream of parts with a map in memory, without a second map beside it.
 //!
 //! Parts come in the order in which they were written, which is the order of ids. Each is decoded,
 //! compared and let go. What a map computes from its parts (observers, covisibility) is not read.

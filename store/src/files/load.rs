@@ -1,8 +1,8 @@
 //! Reads a map's folder when the map is opened.
 //!
 //! The journal must reach, without a gap, from the newest snapshot whose checksum fits. There are
-//! three kinds of faults. The `durable` in every record and the mark beside the journal tell them
-//! apart:
+//! three kinds of faults. The `durable` in every record and the mark beside the journal distinguish
+//! them apart:
 //!
 //! - A bad place after which nothing was ever acknowledged is left by a crash: it is cut off
 //!   (`writer.rs`).

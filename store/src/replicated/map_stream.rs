@@ -1,8 +1,8 @@
 //! A map's stream: one a map, with one subject.
 //!
 //! Every message is published with the sequence that the stream must end at, so that the stream itself
-//! refuses whoever does not know its end. A server takes a map over by an owner message at the end; from
-//! then on the server that had the map before is refused. A message whose answer was lost is looked up:
+//! refuses a writer that does not know its end. A server takes a map over by an owner message at the end;
+//! from then on the server that had the map before is refused. A message whose answer was lost is looked up:
 //! it arrived, or somebody else's did.
 
 use std::time::Duration;

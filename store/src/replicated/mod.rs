@@ -4,8 +4,8 @@
 //! it **and** the stream has acknowledged it, which every NATS server does after its own sync (`synced`).
 //! Decision 0037 gives the reasons.
 //!
-//! - One server owns a map. It says so in the catalog (`catalog`) and takes the map over in the map's
-//!   stream, which refuses whoever wrote before (`map_stream`): two servers never both write.
+//! - One server owns a map. It says so in the catalog (`catalog`) and takes the map over in the map's stream,
+//!   which refuses the previous writer (`map_stream`): two servers never both write.
 //! - Clocks decide who is alive and nothing else (`members`). A server whose lease lapsed goes on with the
 //!   maps that nobody took (`owned`).
 //! - What a server's own journal holds beyond the stream was never acknowledged.

@@ -1,4 +1,4 @@
-//! Publishes a map's events to its stream, in order, and tells how far the stream has acknowledged them.
+//! Publishes a map's events to its stream, in order, and reports how far the stream has acknowledged them.
 //!
 //! What waits is packed into one round of messages, as the embedded journal writes groups: what arrives
 //! meanwhile is the next round. A message is put again until it is known to be there. Once another server

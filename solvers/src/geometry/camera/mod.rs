@@ -1,9 +1,9 @@
 //! Camera models: from a point in camera coordinates to a pixel and back, with Jacobians.
 //!
-//! Camera axes are x right, y down, z forward; a pixel is (u, v) = (column, row), with integers
-//! at pixel centers. Points behind a pinhole project too, since BAL counts them: whoever cares
-//! about cheirality checks z. [`CameraModel`] is the static interface for hot loops, [`Camera`]
-//! the closed set of models for storage and mixed problems.
+//! Camera axes are x right, y down, z forward; a pixel is (u, v) = (column, row), with integers at
+//! pixel centers. Points behind a pinhole project too, since BAL counts them: a caller that cares
+//! about cheirality checks z. [`CameraModel`] is the static interface for hot loops, [`Camera`] the
+//! closed set of models for storage and mixed problems.
 //!
 //! | file | role |
 //! |---|---|

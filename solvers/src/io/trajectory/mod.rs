@@ -1,9 +1,9 @@
 //! Trajectories of TUM, KITTI and EuRoC. Without a format named, a file is TUM's.
 //!
-//! TUM: lines `timestamp tx ty tz qx qy qz qw`, seconds and meters, `#` comments; commas may separate
-//! the numbers. Poses are world_from_body. Quaternions are normalized within 1e-3 on import. Numbers
-//! are written with the fewest digits that read back exactly. The others are in `kitti` and `euroc`,
-//! what tells them apart in `columns`. Poses stay in file order: nothing is sorted or interpolated.
+//! TUM: lines `timestamp tx ty tz qx qy qz qw`, seconds and meters, `#` comments; commas may separate the
+//! numbers. Poses are world_from_body. Quaternions are normalized within 1e-3 on import. Numbers are written
+//! with the fewest digits that read back exactly. The others are in `kitti` and `euroc`, how they are
+//! distinguished in `columns`. Poses stay in file order: nothing is sorted or interpolated.
 
 mod columns;
 mod euroc;

@@ -1,12 +1,11 @@
 //! The numeric factorization: fronts are filled, factored and handed up the elimination tree.
 //!
-//! Multifrontal (Duff and Reid, "The multifrontal solution of indefinite sparse symmetric linear
-//! equations", 1983): a node's panel takes the matrix's blocks and its children's updates, is
-//! factored, makes its update matrix −L₂₁L₂₁ᵀ, and that takes what is left of its children's.
-//! Subtrees of little work are swept by one task, update matrices on two stacks. Above them,
-//! subtrees run in parallel and a front's columns are dealt out in strips. Each element has one
-//! owner and one order of operations, so the bits do not depend on the number of threads. The order of
-//! elimination is that of the plan.
+//! Multifrontal (Duff and Reid, "The multifrontal solution of indefinite sparse symmetric linear equations",
+//! 1983): a node's panel takes the matrix's blocks and its children's updates, is factored, makes its update
+//! matrix −L₂₁L₂₁ᵀ, and that takes what is left of its children's. Subtrees of little work are swept by one
+//! task, update matrices on two stacks. Above them, subtrees run in parallel and a front's columns are dealt
+//! out in strips. Each element has one owner and one order of operations, so the bits do not depend on the
+//! number of threads. The order of elimination follows the plan.
 
 use super::columns::{COLUMNS_PER_TASK, Cut, PARALLEL_FLOPS, eliminate};
 use super::front::{Lift, fill};

@@ -2,8 +2,8 @@
 //!
 //! - The queue (stream `covis_work`) has a message for each task that is not done. NATS hands it to one
 //!   worker, and to another one where that is not heard of for the time of a lease.
-//! - The bucket `covis_tasks` says where each task stands. Every write names the revision that it replaces:
-//!   whoever takes a task over makes the next write of the worker before fail, and so does its owner by
+//! - The bucket `covis_tasks` has the state of each task. Every write names the revision that it replaces: a
+//!   worker that takes a task over makes the next write of the previous worker fail, and so does its owner by
 //!   taking it back. So a result is accepted once, and no late one is.
 //! - The objects (`covis_work_files`) are inputs, checkpoints and results. They count by what the bucket
 //!   says. A checkpoint may also be that of a worker that was fenced: it is of the same solve.

@@ -1,8 +1,8 @@
 //! The queue as workers use it: taking a task, telling that it goes on, handing in its result.
 //!
-//! A worker that has a task beats: it renews the delivery and the task's entry. The entry tells it
-//! whether the task is still its own. It is not where another worker took it, or its owner took it back.
-//! What a task is about is not known here.
+//! A worker that has a task sends heartbeats: it renews the delivery and the task's entry. The entry tells it
+//! whether the task is still its own. It is not where another worker took it, or its owner took it back. What
+//! a task is about is not known here.
 
 use std::time::Duration;
 
