@@ -26,7 +26,6 @@ use super::connections::Connections;
 use super::convert::map::{ServerLimits, to_map};
 use super::engine::{EngineError, MapInfo, Maps, panic_message};
 use super::error::ServiceError;
-use super::jobs::Jobs;
 use super::readers::Readers;
 use super::telemetry::ServerMeters;
 use crate::wire::v1;
@@ -44,8 +43,6 @@ const LONGEST_UNREAD: Duration = Duration::from_secs(120);
 pub(super) struct Context {
     /// All maps.
     pub maps: Maps,
-    /// All jobs.
-    pub jobs: Jobs,
     /// The settings.
     pub config: ServerConfig,
     /// Meters besides those of the engines.
@@ -66,7 +63,7 @@ pub(super) struct Context {
     pub readers: Readers,
 }
 
-/// The services of the wire: the files `*_service` have one each.
+/// The services of the wire but that of jobs: the files `*_service` have one each.
 #[derive(Clone, Debug)]
 pub(super) struct Rpcs {
     pub(super) context: Arc<Context>,

@@ -8,7 +8,7 @@ use prost::Message;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::access::Caller;
-use super::context::{Answers, Messages, Rpcs};
+use super::context::{Answers, Context, Messages};
 use super::convert::{Path, convert, ids};
 use super::deadline::call_time;
 use super::error::ServiceError;
@@ -28,8 +28,15 @@ fn job_id(job_id: &str) -> Result<String, ServiceError> {
     Ok(convert(|out| ids::name(Path::root("job_id"), job_id, out))?)
 }
 
-impl Rpcs {
-    fn jobs(
+/// The service of jobs.
+#[derive(Clone, Debug)]
+pub(super) struct JobRpcs {
+    pub(super) context: Arc<Context>,
+    pub(super) jobs: Arc<Jobs>,
+}
+
+impl JobRpcs {
+    fn list(
         &self,
         request: &Request<v1::ListJobsRequest>,
     ) -> Result<v1::ListJobsResponse, ServiceError> {
@@ -66,7 +73,7 @@ impl Rpcs {
         let wanted = JobList { before, map_id, states: &states };
         let (mut jobs, mut bytes, mut token) = (Vec::new(), 0, String::new());
         let mut last = 0;
-        for (number, job) in self.context.jobs.list(&caller, &wanted) {
+        for (number, job) in self.jobs.list(&caller, &wanted) {
             let length = job.encoded_len() + ENTRY_OVERHEAD;
             if jobs.len() == size || (!jobs.is_empty() && bytes + length > MESSAGE_BYTES) {
                 token = list.token(&last.to_string());
@@ -80,14 +87,14 @@ impl Rpcs {
 }
 
 #[async_trait::async_trait]
-impl JobService for Rpcs {
+impl JobService for JobRpcs {
     async fn create_job(
         &self,
         request: Request<v1::CreateJobRequest>,
     ) -> Result<Response<v1::CreateJobResponse>, Status> {
         let handler = async {
             let caller = Caller::of(&request)?;
-            let job = Jobs::create(&self.context, &caller, request.into_inner()).await?;
+            let job = self.jobs.create(&caller, request.into_inner()).await?;
             Ok(v1::CreateJobResponse { job: Some(job) })
         };
         self.context.answer("CreateJob", handler).await
@@ -99,7 +106,7 @@ impl JobService for Rpcs {
     ) -> Result<Response<v1::GetJobResponse>, Status> {
         let handler = async {
             let caller = Caller::of(&request)?;
-            let job = self.context.jobs.get(&caller, &job_id(&request.get_ref().job_id)?)?;
+            let job = self.jobs.get(&caller, &job_id(&request.get_ref().job_id)?)?;
             Ok(v1::GetJobResponse { job: Some(job) })
         };
         self.context.answer("GetJob", handler).await
@@ -109,7 +116,7 @@ impl JobService for Rpcs {
         &self,
         request: Request<v1::ListJobsRequest>,
     ) -> Result<Response<v1::ListJobsResponse>, Status> {
-        self.context.answer("ListJobs", async { self.jobs(&request) }).await
+        self.context.answer("ListJobs", async { self.list(&request) }).await
     }
 
     async fn cancel_job(
@@ -119,7 +126,7 @@ impl JobService for Rpcs {
         let handler = async {
             let caller = Caller::of(&request)?;
             let id = job_id(&request.get_ref().job_id)?;
-            let job = Jobs::cancel(&self.context, &caller, &id).await?;
+            let job = self.jobs.cancel(&caller, &id).await?;
             Ok(v1::CancelJobResponse { job: Some(job) })
         };
         self.context.answer("CancelJob", handler).await
@@ -132,7 +139,7 @@ impl JobService for Rpcs {
         let handler = async {
             let caller = Caller::of(&request)?;
             let id = job_id(&request.get_ref().job_id)?;
-            Jobs::delete(&self.context, &caller, &id).await?;
+            self.jobs.delete(&caller, &id).await?;
             Ok(v1::DeleteJobResponse {})
         };
         self.context.answer("DeleteJob", handler).await
@@ -146,11 +153,11 @@ impl JobService for Rpcs {
     ) -> Result<Response<Self::WatchJobStream>, Status> {
         let time = call_time(request.metadata());
         let caller = Caller::of(&request);
-        let (context, request) = (Arc::clone(&self.context), request.into_inner());
+        let (rpcs, request) = (self.clone(), request.into_inner());
         self.context.stream("WatchJob", time, Messages::Small, |sink| async move {
             let caller = caller?;
             let id = job_id(&request.job_id)?;
-            let mut following = context.jobs.follow(&caller, &id)?;
+            let mut following = rpcs.jobs.follow(&caller, &id)?;
             let watching = async {
                 loop {
                     // The newest state at the time when there is room for it.
@@ -169,8 +176,8 @@ impl JobService for Rpcs {
             tokio::select! {
                 biased;
                 ended = watching => ended,
-                reason = context.access.withdrawn(&caller) => Err(reason),
-                () = context.drained() => Err(ServiceError::Draining),
+                reason = rpcs.context.access.withdrawn(&caller) => Err(reason),
+                () = rpcs.context.drained() => Err(ServiceError::Draining),
             }
         })
     }
@@ -181,7 +188,7 @@ impl JobService for Rpcs {
     ) -> Result<Response<v1::UploadJobFilesResponse>, Status> {
         let handler = async {
             let caller = Caller::of(&request)?;
-            Jobs::upload(&self.context, &caller, request.into_inner()).await
+            self.jobs.upload(&caller, request.into_inner()).await
         };
         self.context.answer("UploadJobFiles", handler).await
     }
@@ -194,11 +201,11 @@ impl JobService for Rpcs {
     ) -> Result<Response<Self::DownloadJobFilesStream>, Status> {
         let time = call_time(request.metadata());
         let caller = Caller::of(&request);
-        let (context, request) = (Arc::clone(&self.context), request.into_inner());
+        let (jobs, request) = (Arc::clone(&self.jobs), request.into_inner());
         self.context.stream("DownloadJobFiles", time, Messages::Large, |sink| async move {
             let caller = caller?;
             let id = job_id(&request.job_id)?;
-            download(&context.jobs, &caller, &id, &request.path, &sink).await
+            download(&jobs, &caller, &id, &request.path, &sink).await
         })
     }
 }

@@ -16,6 +16,8 @@ use tonic_health::server::HealthReporter;
 use super::access::Guarded;
 use super::context::{Context, Rpcs};
 use super::grpc_only::{GrpcOnly, with_fallback};
+use super::job_service::JobRpcs;
+use super::jobs::Jobs;
 use super::page::{Answering, PageRoutes};
 use super::same_site::Hosts;
 use super::server::ServerError;
@@ -39,7 +41,7 @@ const HEADER_LIST_BYTES: u32 = 16 << 10;
 /// Every service of the wire that is served, by full name.
 pub(super) const SERVED: [&str; 5] = [
     IngestServiceServer::<Rpcs>::NAME,
-    JobServiceServer::<Rpcs>::NAME,
+    JobServiceServer::<JobRpcs>::NAME,
     MapServiceServer::<Rpcs>::NAME,
     OptimizationServiceServer::<Rpcs>::NAME,
     ServerServiceServer::<Rpcs>::NAME,
@@ -70,6 +72,7 @@ pub(super) fn transport(context: &Context) -> tonic::transport::Server {
 /// Makes the services; those of the page if it is served, for the names in `hosts`.
 pub(super) async fn routes(
     context: &Arc<Context>,
+    jobs: &Arc<Jobs>,
     hosts: Option<Hosts>,
 ) -> Result<Routed, ServerError> {
     let bytes = context.config.max_message_bytes;
@@ -108,23 +111,26 @@ pub(super) async fn routes(
     let ingest = compressed!(IngestServiceServer::from_arc(Arc::clone(&rpcs)));
     let optimization = compressed!(OptimizationServiceServer::from_arc(Arc::clone(&rpcs)))
         .send_compressed(CompressionEncoding::Gzip);
-    let jobs = compressed!(JobServiceServer::from_arc(Arc::clone(&rpcs)))
-        .send_compressed(CompressionEncoding::Gzip);
-    let jobs = guarded!(limited!(jobs));
+    let job_rpcs = JobRpcs { context: Arc::clone(context), jobs: Arc::clone(jobs) };
+    let job_rpcs =
+        compressed!(JobServiceServer::new(job_rpcs)).send_compressed(CompressionEncoding::Gzip);
+    let job_rpcs = guarded!(limited!(job_rpcs));
     let info = guarded!(limited!(ServerServiceServer::from_arc(rpcs)));
     let health_service = health_service.max_decoding_message_size(SMALL_MESSAGE_BYTES);
     let page = hosts.map(|hosts| {
-        let shown = Arc::clone(context);
-        let metrics =
-            Answering(move |request: &Request<Body>| respond(request, &shown).map(Body::new));
-        let metrics = Guarded::plain(metrics, &context.access);
+        let access = &context.access;
+        let (context, jobs) = (Arc::clone(context), Arc::clone(jobs));
+        let metrics = Answering(move |request: &Request<Body>| {
+            respond(request, &context, &jobs).map(Body::new)
+        });
+        let metrics = Guarded::plain(metrics, access);
         let page = PageRoutes::new(hosts, metrics);
-        page.add(maps.clone()).add(jobs.clone()).add(info.clone()).routes()
+        page.add(maps.clone()).add(job_rpcs.clone()).add(info.clone()).routes()
     });
     let grpc = Routes::new(GrpcOnly::new(maps))
         .add_service(GrpcOnly::new(guarded!(limited!(ingest))))
         .add_service(GrpcOnly::new(guarded!(limited!(optimization))))
-        .add_service(GrpcOnly::new(jobs))
+        .add_service(GrpcOnly::new(job_rpcs))
         .add_service(GrpcOnly::new(info))
         .add_service(GrpcOnly::new(metered!(health_service)));
     // The simulation starts thousands of servers, and reading the descriptors is half of a start.

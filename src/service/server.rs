@@ -113,6 +113,7 @@ pub struct StartingServer(RunningServer);
 pub struct RunningServer {
     address: SocketAddr,
     context: Arc<Context>,
+    jobs: Arc<Jobs>,
     /// That of the listener, and that of the page.
     tls: Vec<Arc<Tls>>,
     metrics: Option<(SocketAddr, JoinHandle<()>)>,
@@ -121,7 +122,7 @@ pub struct RunningServer {
     health: HealthReporter,
     task: JoinHandle<()>,
     /// Runs the jobs, once every map is open.
-    jobs: Option<JoinHandle<()>>,
+    schedule: Option<JoinHandle<()>>,
 }
 
 impl Server {
@@ -208,9 +209,6 @@ impl Server {
             None => Backend::open(&config, accounts).await?,
         };
         let meters = ServerMeters::new(counted);
-        let (clock, retention) = (config.clock.clone(), config.job_retention);
-        let (accounts, threads) = (pool.accounts().clone(), pool.threads());
-        let jobs = Jobs::new(job_files, accounts, clock, retention, threads, tasks);
         let maps = Maps::new(store, pool, config.engine);
         let (drain, draining) = watch::channel(false);
         let connections = Connections::new(config.connections, telemetry::max_open_files());
@@ -218,7 +216,6 @@ impl Server {
         let (start_time_ns, ready) = (Clock::System.now_ns(), AtomicBool::new(false));
         let context = Arc::new(Context {
             maps,
-            jobs,
             config,
             meters,
             access,
@@ -229,9 +226,10 @@ impl Server {
             draining,
             readers,
         });
+        let jobs = Arc::new(Jobs::new(Arc::clone(&context), job_files, tasks));
         let hosts =
             page.as_ref().map(|_| Hosts::of_page(page_tls.is_some(), context.access.is_guarded()));
-        let Routed { health, grpc, page: page_routes } = routes(&context, hosts).await?;
+        let Routed { health, grpc, page: page_routes } = routes(&context, &jobs, hosts).await?;
         let server = transport(&context);
         let grpc = Transport { server: server.clone(), routes: grpc, tls: tls.clone() };
         let task = tokio::spawn(connections::serve(incoming, grpc, Arc::clone(&context)));
@@ -244,19 +242,21 @@ impl Server {
         });
         let tls = tls.into_iter().chain(page_tls).collect();
         let metrics = metrics.map(|(address, listener)| {
-            (address, tokio::spawn(telemetry::serve(listener, address, Arc::clone(&context))))
+            let (context, jobs) = (Arc::clone(&context), Arc::clone(&jobs));
+            (address, tokio::spawn(telemetry::serve(listener, address, context, jobs)))
         });
         // From here on, dropping the server ends the transport.
         Ok(StartingServer(RunningServer {
             address,
             context,
+            jobs,
             tls,
             metrics,
             page,
             drain,
             health,
             task,
-            jobs: None,
+            schedule: None,
         }))
     }
 }
@@ -322,9 +322,9 @@ impl StartingServer {
     pub async fn open(self) -> Result<RunningServer, ServerError> {
         let mut server = self.0;
         server.context.maps.load().await?;
-        let loaded = Jobs::load(&server.context).await;
+        let loaded = server.jobs.load().await;
         loaded.map_err(|error| ServerError::Jobs { reason: error.to_string() })?;
-        server.jobs = Some(tokio::spawn(jobs::serve(Arc::clone(&server.context))));
+        server.schedule = Some(tokio::spawn(jobs::serve(Arc::clone(&server.jobs))));
         server.context.ready.store(true, Ordering::Release);
         server.tell_health(ServingStatus::Serving).await;
         Ok(server)
@@ -396,11 +396,11 @@ impl RunningServer {
         }
         // Jobs and engines without work also need some time to stop.
         let left = || budget.saturating_sub(start.elapsed()).max(budget / 10);
-        if let Some(mut jobs) = self.jobs.take()
-            && tokio::time::timeout(left(), &mut jobs).await.is_err()
+        if let Some(mut schedule) = self.schedule.take()
+            && tokio::time::timeout(left(), &mut schedule).await.is_err()
         {
             tracing::warn!("jobs were still running, they start again with the server");
-            jobs.abort();
+            schedule.abort();
         }
         let left = left();
         self.context.maps.shutdown(left).await;

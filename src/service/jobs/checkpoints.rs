@@ -9,7 +9,7 @@ use std::sync::Arc;
 use covis_solvers::bundle_adjustment::{Checkpoint, Keeper};
 use covis_solvers::optimizer::IterationSummary;
 
-use super::Context;
+use super::Jobs;
 use super::entry::Entry;
 use super::solving::{SolveContext, Tell};
 use super::uploads::FILE_BYTES;
@@ -81,7 +81,7 @@ impl Keeper for Checkpoints {
 
 /// Checkpoints among the files of a job.
 pub(super) struct OnDisk {
-    context: Arc<Context>,
+    jobs: Arc<Jobs>,
     entry: Arc<Entry>,
     /// The solve among those of the job.
     number: u32,
@@ -90,9 +90,9 @@ pub(super) struct OnDisk {
 }
 
 impl OnDisk {
-    pub(super) fn new(context: &Arc<Context>, entry: &Arc<Entry>, number: u32) -> Self {
-        let (context, entry) = (Arc::clone(context), Arc::clone(entry));
-        Self { context, entry, number, counted: 0 }
+    pub(super) fn new(jobs: &Arc<Jobs>, entry: &Arc<Entry>, number: u32) -> Self {
+        let (jobs, entry) = (Arc::clone(jobs), Arc::clone(entry));
+        Self { jobs, entry, number, counted: 0 }
     }
 
     /// Counts the bytes of a checkpoint for the job, once for all that replace each other.
@@ -108,7 +108,7 @@ impl OnDisk {
 
 impl CheckpointStorage for OnDisk {
     fn last(&self) -> Option<Checkpoint> {
-        match self.context.jobs.files.read_checkpoint(&self.entry.uid, self.number) {
+        match self.jobs.files.read_checkpoint(&self.entry.uid, self.number) {
             Ok(checkpoint) => Some(checkpoint),
             Err(JobFileError::Missing) => None,
             Err(error) => {
@@ -123,7 +123,7 @@ impl CheckpointStorage for OnDisk {
         let values = 3 * checkpoint.landmarks.len() + 8 * checkpoint.poses.len();
         let bytes = 9 * (values + 16 * checkpoint.cameras.len() + 8 * checkpoint.state.rows.len());
         self.count(bytes as u64).map_err(|error| error.to_string())?;
-        let files = &self.context.jobs.files;
+        let files = &self.jobs.files;
         let written = files.write_checkpoint(&self.entry.uid, self.number, checkpoint);
         written.map(drop).map_err(|error| error.to_string())
     }

@@ -43,7 +43,7 @@ pub(in crate::service) async fn download(
         return Err(JobError::FileNotFound { job, path }.into());
     }
     // Pieces wait for whoever reads them, as those of an export do.
-    let _reading = jobs.accounts.tenant(caller.tenant()).reserve(Resource::Exports, 1)?;
+    let _reading = jobs.account(caller.tenant()).reserve(Resource::Exports, 1)?;
     let files = wanted.iter().map(|(_, file)| file.clone()).collect();
     let header = v1::DownloadJobFilesHeader { files };
     sink.send(v1::DownloadJobFilesResponse { content: Some(Content::Header(header)) }).await?;

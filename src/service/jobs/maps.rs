@@ -50,7 +50,7 @@ const NANOSECONDS: f64 = 1e9;
 
 impl Run<'_> {
     fn map(&self, map_id: &str) -> Result<MapHandle, ServiceError> {
-        Ok(self.context.maps.get(&self.caller.engine_name(map_id))?)
+        Ok(self.jobs.context.maps.get(&self.caller.engine_name(map_id))?)
     }
 }
 
@@ -121,7 +121,7 @@ async fn solved(
             }
             outcome => {
                 let outcome = outcome?;
-                if run.context.config.holds("hold-applied") {
+                if run.jobs.context.config.holds("hold-applied") {
                     run.phase("held by a test");
                     std::future::pending::<()>().await;
                 }
@@ -136,7 +136,7 @@ pub(super) async fn optimize(
     run: &Run<'_>,
     request: &v1::OptimizeMapRequest,
 ) -> Result<Made, ServiceError> {
-    let threads = run.context.maps.pool().threads();
+    let threads = run.jobs.context.maps.pool().threads();
     let (map_id, mut options) = map_options(request, threads, None)?;
     // Nobody waits for a job, so that it goes on until it converges.
     let asked = request.options.as_ref().and_then(|options| options.max_iteration_count);
@@ -219,7 +219,7 @@ pub(super) async fn merge(
     run: &Run<'_>,
     request: &v1::MergeMapsRequest,
 ) -> Result<Made, ServiceError> {
-    let (context, cancellation) = (run.context, &run.entry.cancellation);
+    let (context, cancellation) = (&run.jobs.context, &run.entry.cancellation);
     let map_id = request.source_map_id.clone();
     let asked = convert(|out| merging::merge(request.clone(), &run.caller, out))?;
     run.phase("merges the maps");
@@ -291,7 +291,7 @@ pub(super) async fn evaluate(
     let at = FieldPath::root("truth");
     let given = convert(|out| trajectory::poses(at, &spec.truth, out))?;
     let upload = run.entry.upload.clone();
-    let (jobs, uid) = (&run.context.jobs, run.entry.uid);
+    let (jobs, uid) = (run.jobs, run.entry.uid);
     let counts = match &upload {
         None => FileCounts::default(),
         Some(_) => reading::count(&jobs.files, uid, vec![0]).await?,
@@ -299,7 +299,7 @@ pub(super) async fn evaluate(
     let most = spec.max_time_difference_s.unwrap_or(TIME_DIFFERENCE_S);
     let matched = (map.trajectory(client).len() as u64).saturating_mul(MATCHED_BYTES);
     let bytes = counts.price(Content::Trajectory).reading.saturating_add(matched);
-    let ceiling = run.context.config.engine.ceiling();
+    let ceiling = jobs.context.config.engine.ceiling();
     let price = admit("spec.evaluate_trajectory", bytes, &ceiling)?;
     let files = Arc::clone(&jobs.files);
     let compare = move || {
@@ -319,8 +319,8 @@ pub(super) async fn evaluate(
         let rpe = rpe(&truth, &estimate, most).map_err(unlike)?;
         Ok::<_, ServiceError>((truth.len(), estimate.len(), map.revision(), ape, rpe))
     };
-    let pool = run.context.maps.pool();
-    let account = pool.accounts().tenant(&run.entry.key.0);
+    let pool = jobs.context.maps.pool();
+    let account = jobs.account(&run.entry.key.0);
     let compared = pool.run(&account, Estimate::new(price, 1, &ceiling), compare);
     let (truth, estimate, revision, ape, rpe) = compared.await??;
     let statistics = |evaluation: &crate::evaluation::Evaluation| {
@@ -376,7 +376,7 @@ pub(super) async fn export(
         Context::blocking(move || Export::new(map_id, snapshot, format)).await?
     };
     if format == Format::G2o {
-        let rpcs = Rpcs { context: Arc::clone(run.context) };
+        let rpcs = Rpcs { context: Arc::clone(&run.jobs.context) };
         let lines: GraphLines = rpcs.graph_lines(&map, snapshot).await?;
         export = export.with_graph(lines);
     }
@@ -386,7 +386,7 @@ pub(super) async fn export(
     // Files of an attempt that a restart cut off are written again.
     forget_files(run).await?;
     for (done, path) in paths.iter().enumerate() {
-        let (files, uid) = (Arc::clone(&run.context.jobs.files), run.entry.uid);
+        let (files, uid) = (Arc::clone(&run.jobs.files), run.entry.uid);
         let file = next_output(&run.entry.files());
         let (entry, cancellation) = (Arc::clone(run.entry), Arc::clone(&run.entry.cancellation));
         run.reserve(FILE_BYTES)?;

@@ -48,16 +48,14 @@ mod worker;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
 use futures_util::FutureExt;
 use tokio::sync::{Notify, Semaphore};
 
 use super::access::Caller;
-use super::clock::Clock;
 use super::context::Context;
 use super::convert::time::timestamp;
-use super::engine::{Accounts, FairQueue, Resource};
+use super::engine::{Account, FairQueue, Resource};
 use super::error::ServiceError;
 use super::job_error::JobError;
 use super::random::random_uid;
@@ -81,11 +79,8 @@ const AT_WORKERS: usize = 32;
 
 /// Jobs of a server.
 pub(super) struct Jobs {
+    context: Arc<Context>,
     files: Arc<JobFiles>,
-    accounts: Accounts,
-    clock: Clock,
-    /// How long a job is kept after its end.
-    retention: Duration,
     table: Mutex<Table>,
     /// Jobs are created one at a time, so that none conflicts with another that is not there yet.
     creating: tokio::sync::Mutex<()>,
@@ -103,7 +98,7 @@ pub(super) struct Jobs {
 
 impl std::fmt::Debug for Jobs {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Jobs").field("retention", &self.retention).finish_non_exhaustive()
+        f.debug_struct("Jobs").finish_non_exhaustive()
     }
 }
 
@@ -130,15 +125,14 @@ pub(super) struct JobList<'a> {
 }
 
 impl Jobs {
-    /// No jobs yet; at most `threads` run at once, and more where there is a queue to workers.
+    /// No jobs yet; at most as many run at once as the solver pool has threads, and more where there is a
+    /// queue to workers.
     pub(super) fn new(
+        context: Arc<Context>,
         files: JobFiles,
-        accounts: Accounts,
-        clock: Clock,
-        retention: Duration,
-        threads: usize,
         tasks: Option<Arc<dyn TaskQueue>>,
     ) -> Self {
+        let threads = context.maps.pool().threads();
         let slots = if tasks.is_some() { threads + AT_WORKERS } else { threads };
         let table = Table {
             jobs: BTreeMap::new(),
@@ -148,10 +142,8 @@ impl Jobs {
             last_number: 0,
         };
         Self {
+            context,
             files: Arc::new(files),
-            accounts,
-            clock,
-            retention,
             table: Mutex::new(table),
             creating: tokio::sync::Mutex::default(),
             wake: Notify::new(),
@@ -164,7 +156,12 @@ impl Jobs {
 
     /// Nanoseconds since 1970 by the server's clock.
     fn now_ns(&self) -> i64 {
-        self.clock.now_ns()
+        self.context.config.clock.now_ns()
+    }
+
+    /// The account of a tenant.
+    fn account(&self, tenant: &str) -> Arc<Account> {
+        self.context.maps.pool().accounts().tenant(tenant)
     }
 
     /// How many jobs wait, run, and have ended.
@@ -239,30 +236,28 @@ impl Jobs {
     /// # Errors
     /// [`JobError`], [`ServiceError::RoleTooLow`], and those of the maps that it needs.
     pub(super) async fn create(
-        context: &Arc<Context>,
+        self: &Arc<Self>,
         caller: &Caller,
         request: v1::CreateJobRequest,
     ) -> Result<v1::Job, ServiceError> {
-        let asked = spec::read(&request, context)?;
+        let asked = spec::read(&request, &self.context)?;
         caller.require(asked.role)?;
         let v1::CreateJobRequest { job_id, spec, priority } = request;
         let spec = spec.unwrap_or_default();
         let key = (caller.tenant().to_owned(), job_id);
-        let jobs = &context.jobs;
-        if let Some(job) = jobs.same(&key, &spec)? {
+        if let Some(job) = self.same(&key, &spec)? {
             return Ok(job);
         }
-        let changes = spec::check(&spec, &asked, context, caller).await?;
-        let context = Arc::clone(context);
+        let changes = spec::check(&spec, &asked, self, caller).await?;
+        let jobs = Arc::clone(self);
         // A creation that has begun ends, whether its caller waits or not.
         to_end(async move {
-            let jobs = &context.jobs;
             let _creating = jobs.creating.lock().await;
             if let Some(job) = jobs.same(&key, &spec)? {
                 return Ok(job);
             }
             jobs.check_free(&changes)?;
-            let account = jobs.accounts.tenant(&key.0);
+            let account = jobs.account(&key.0);
             let pending = account.reserve(Resource::PendingJobs, 1)?;
             let size = new_bytes(&spec, None);
             let mut bytes = account.reserve(Resource::JobBytes, size)?;
@@ -356,14 +351,13 @@ impl Jobs {
     /// # Errors
     /// [`JobError::NotFound`], [`JobError::Ended`], [`JobError::Unavailable`], [`JobError::Failed`].
     pub(super) async fn cancel(
-        context: &Arc<Context>,
+        self: &Arc<Self>,
         caller: &Caller,
         job_id: &str,
     ) -> Result<v1::Job, ServiceError> {
-        let entry = context.jobs.get_entry(caller, job_id)?;
-        let context = Arc::clone(context);
+        let entry = self.get_entry(caller, job_id)?;
+        let jobs = Arc::clone(self);
         to_end(async move {
-            let jobs = &context.jobs;
             let _exclusive = entry.exclusive().await;
             if entry.is_ended() {
                 return Err(JobError::Ended { job: entry.id().to_owned() }.into());
@@ -389,7 +383,8 @@ impl Jobs {
         change: impl FnOnce(&mut v1::Job, &mut v1::JobResult),
     ) -> Result<(), JobError> {
         let now_ns = self.now_ns();
-        let kept_ns = i64::try_from(self.retention.as_nanos()).unwrap_or(i64::MAX);
+        let retention = self.context.config.job_retention;
+        let kept_ns = i64::try_from(retention.as_nanos()).unwrap_or(i64::MAX);
         entry
             .change(&self.files, |job, done| {
                 change(job, done);
@@ -442,13 +437,13 @@ impl Jobs {
     /// [`JobError::NotFound`], [`JobError::NotEnded`], [`JobError::Unavailable`],
     /// [`JobError::Failed`].
     pub(super) async fn delete(
-        context: &Arc<Context>,
+        self: &Arc<Self>,
         caller: &Caller,
         job_id: &str,
     ) -> Result<(), ServiceError> {
-        let entry = context.jobs.get_entry(caller, job_id)?;
-        let context = Arc::clone(context);
-        to_end(async move { Ok(context.jobs.forget(&entry).await?) }).await
+        let entry = self.get_entry(caller, job_id)?;
+        let jobs = Arc::clone(self);
+        to_end(async move { Ok(jobs.forget(&entry).await?) }).await
     }
 
     /// Removes an ended job with its files.

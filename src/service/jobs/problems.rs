@@ -133,7 +133,7 @@ async fn solve_all(
         if index < done.len() {
             continue;
         }
-        if index > 0 && run.context.config.holds("hold-problems") {
+        if index > 0 && run.jobs.context.config.holds("hold-problems") {
             run.phase("held by a test");
             run.entry.cancellation.canceled().await;
         }
@@ -189,7 +189,7 @@ fn task(
         Problem::Colmap(encoding, parts) => (Format::Colmap(*encoding), parts.to_vec()),
     };
     let files = indices.iter().filter_map(|&index| upload.files.get(index).cloned()).collect();
-    let ceiling = run.context.config.engine.ceiling();
+    let ceiling = run.jobs.context.config.engine.ceiling();
     let task = Task { path: path.to_owned(), format, files, options, ceiling };
     (task, indices.into_iter().map(number).collect())
 }
@@ -204,7 +204,7 @@ async fn one(
     if let Some((solved, outstanding)) = remote::solve(run, task, &inputs, index).await? {
         return Ok((solved, Some(outstanding)));
     }
-    let jobs = &run.context.jobs;
+    let jobs = run.jobs;
     // More jobs may run than solves where workers do them.
     let closed = |_| ServiceError::Draining;
     let _permit = jobs.solves_here.acquire().await.map_err(closed)?;
@@ -214,22 +214,22 @@ async fn one(
         let read = |input| Ok(files.bytes(&uid, JobFile::Input(input)).map_err(JobError::from)?);
         inputs.into_iter().map(read).collect()
     };
-    let maps = &run.context.maps;
+    let maps = &jobs.context.maps;
     let solve_context = SolveContext {
         pool: maps.pool(),
-        account: maps.pool().accounts().tenant(&run.entry.key.0),
+        account: jobs.account(&run.entry.key.0),
         meters: maps.meters(),
         cancellation: Arc::clone(&run.entry.cancellation),
         tell: teller(run),
     };
-    let on_disk = OnDisk::new(run.context, run.entry, index);
-    let holds = run.context.config.holds("hold-checkpoint");
+    let on_disk = OnDisk::new(jobs, run.entry, index);
+    let holds = jobs.context.config.holds("hold-checkpoint");
     let kept = Checkpoints::new(on_disk, holds, &solve_context);
     Ok((solving::solve(task, &solve_context, (counts, read), kept).await?, None))
 }
 
 /// Shows progress as the job's.
 fn teller(run: &Run<'_>) -> Tell {
-    let (context, entry) = (Arc::clone(run.context), Arc::clone(run.entry));
-    Arc::new(move |change| entry.progress(context.jobs.now_ns(), change))
+    let (jobs, entry) = (Arc::clone(run.jobs), Arc::clone(run.entry));
+    Arc::new(move |change| entry.progress(jobs.now_ns(), change))
 }

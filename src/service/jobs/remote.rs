@@ -9,14 +9,14 @@ use std::io::{self, BufRead, Read};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::task::{Context as TaskContext, Poll, ready};
+use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
 use prost::Message;
 use tokio::io::{AsyncRead, ReadBuf};
 use tokio::sync::mpsc;
 
-use super::Context;
+use super::Jobs;
 use super::run::Run;
 use super::solving::{Solved, Task};
 use super::task::{decode_result, encode_task};
@@ -37,7 +37,7 @@ const WAITS: &str = "waits for a worker";
 
 /// A task that was given away. It is forgotten when this is dropped, unless the server stops.
 pub(super) struct Outstanding {
-    context: Arc<Context>,
+    jobs: Arc<Jobs>,
     queue: Arc<dyn TaskQueue>,
     task: String,
     inputs: usize,
@@ -46,7 +46,7 @@ pub(super) struct Outstanding {
 impl Drop for Outstanding {
     fn drop(&mut self) {
         // The next start of the server continues with it.
-        if self.context.jobs.stopping.load(Ordering::Acquire) {
+        if self.jobs.stopping.load(Ordering::Acquire) {
             return;
         }
         let (queue, task, inputs) =
@@ -68,18 +68,18 @@ pub(super) async fn solve(
     inputs: &[u32],
     index: u32,
 ) -> Result<Option<(Solved, Outstanding)>, ServiceError> {
-    let Some(queue) = &run.context.jobs.tasks else { return Ok(None) };
+    let Some(queue) = &run.jobs.tasks else { return Ok(None) };
     let uid: String = run.entry.uid.iter().map(|byte| format!("{byte:02x}")).collect();
     let name = format!("{uid}-{index}");
     let outstanding = Outstanding {
-        context: Arc::clone(run.context),
+        jobs: Arc::clone(run.jobs),
         queue: Arc::clone(queue),
         task: name.clone(),
         inputs: inputs.len(),
     };
     match given(run, queue.as_ref(), &name, task, inputs).await? {
         Ok(Some(result)) => {
-            let account = run.context.maps.pool().accounts().tenant(&run.entry.key.0);
+            let account = run.jobs.account(&run.entry.key.0);
             // The message, and what it holds.
             let bytes = 2 * result.len() as u64;
             let held = account.reserve_existing(Resource::RunningSolveBytes, bytes);
@@ -89,7 +89,7 @@ pub(super) async fn solve(
         Ok(None) => {
             let kept = match queue.checkpoint(&name).await {
                 Ok(Some(checkpoint)) => {
-                    let (files, uid) = (Arc::clone(&run.context.jobs.files), run.entry.uid);
+                    let (files, uid) = (Arc::clone(&run.jobs.files), run.entry.uid);
                     let write = move || files.write_checkpoint(&uid, index, &checkpoint);
                     tokio::task::spawn_blocking(write).await.is_ok_and(|written| written.is_ok())
                 }
@@ -210,7 +210,7 @@ async fn give(
     if !has_inputs {
         for (index, &input) in inputs.iter().enumerate() {
             let (mut content, read) =
-                Pieces::of(&run.context.jobs.files, run.entry.uid, JobFile::Input(input));
+                Pieces::of(&run.jobs.files, run.entry.uid, JobFile::Input(input));
             let put = queue.put_input(name, index, &mut content).await;
             // The reader ends where nobody takes its pieces.
             drop(content);
@@ -261,7 +261,7 @@ impl Pieces {
 impl AsyncRead for Pieces {
     fn poll_read(
         mut self: Pin<&mut Self>,
-        cx: &mut TaskContext<'_>,
+        cx: &mut Context<'_>,
         out: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         loop {

@@ -17,8 +17,9 @@ use tonic_types::StatusExt as _;
 
 use super::entry::{Entry, on_disk};
 use super::uploads::{FILE_BYTES, number};
-use super::{Context, maps, problems, report};
+use super::{Jobs, maps, problems, report};
 use crate::service::access::Caller;
+use crate::service::context::Context;
 use crate::service::convert::count;
 use crate::service::convert::time::timestamp;
 use crate::service::engine::{EngineError, panic_message};
@@ -68,7 +69,7 @@ pub(super) enum Report {
 
 /// A job that runs.
 pub(super) struct Run<'a> {
-    pub(super) context: &'a Arc<Context>,
+    pub(super) jobs: &'a Arc<Jobs>,
     pub(super) entry: &'a Arc<Entry>,
     /// Somebody of the job's tenant; the role was checked when the job was created.
     pub(super) caller: Caller,
@@ -77,7 +78,7 @@ pub(super) struct Run<'a> {
 impl Run<'_> {
     /// Shows how far the job has come.
     pub(super) fn tell(&self, tell: impl FnOnce(&mut v1::JobProgress)) {
-        self.entry.progress(self.context.jobs.now_ns(), tell);
+        self.entry.progress(self.jobs.now_ns(), tell);
     }
 
     /// Shows what the job is doing.
@@ -113,7 +114,7 @@ impl Run<'_> {
             drop(done);
             tokio::select! {
                 () = pause() => {}
-                () = self.context.drained() => return Err(ServiceError::Draining),
+                () = self.jobs.context.drained() => return Err(ServiceError::Draining),
             }
         }
     }
@@ -125,7 +126,7 @@ impl Run<'_> {
     pub(super) async fn write(&self, file: JobFile, bytes: Vec<u8>) -> Result<(), ServiceError> {
         self.reserve(FILE_BYTES + bytes.len() as u64)?;
         let (uid, bytes) = (self.entry.uid, Arc::<[u8]>::from(bytes));
-        let files = &self.context.jobs.files;
+        let files = &self.jobs.files;
         let write = || {
             let bytes = Arc::clone(&bytes);
             async move {
@@ -149,7 +150,7 @@ impl Run<'_> {
     ) -> Result<(), ServiceError> {
         let write = || async {
             let _exclusive = self.entry.exclusive().await;
-            Ok(self.entry.change(&self.context.jobs.files, &change).await?)
+            Ok(self.entry.change(&self.jobs.files, &change).await?)
         };
         self.patiently(write).await
     }
@@ -173,7 +174,7 @@ impl Run<'_> {
 
     /// Does the work, and writes the report.
     async fn made(&self) -> Result<Made, ServiceError> {
-        if self.context.config.holds("hold-jobs") {
+        if self.jobs.context.config.holds("hold-jobs") {
             self.entry.cancellation.canceled().await;
         }
         let made = self.patiently(|| self.work()).await?;
@@ -201,7 +202,7 @@ impl Run<'_> {
     async fn join_parts(&self, parts: u32) -> Result<i64, ServiceError> {
         self.reserve(FILE_BYTES)?;
         let (entry, uid) = (Arc::clone(self.entry), self.entry.uid);
-        let files = Arc::clone(&self.context.jobs.files);
+        let files = Arc::clone(&self.jobs.files);
         let joined = Context::blocking(move || {
             let (mut failure, mut grown, mut size) = (None::<ServiceError>, 0_u64, 0_u64);
             let written = files.write(&uid, JobFile::Output(0), |out| {
@@ -252,13 +253,12 @@ pub(super) async fn pause() {
 }
 
 /// Runs a job to its end, or until the server stops.
-pub(super) async fn run(context: &Arc<Context>, entry: &Arc<Entry>) {
-    let jobs = &context.jobs;
-    if !begin(context, entry).await {
+pub(super) async fn run(jobs: &Arc<Jobs>, entry: &Arc<Entry>) {
+    if !begin(jobs, entry).await {
         return;
     }
     let caller = Caller::of_tenant(&entry.key.0);
-    let run = Run { context, entry, caller };
+    let run = Run { jobs, entry, caller };
     let work = AssertUnwindSafe(run.made()).catch_unwind();
     let outcome = tokio::select! {
         biased;
@@ -274,7 +274,7 @@ pub(super) async fn run(context: &Arc<Context>, entry: &Arc<Entry>) {
         None if is_stopping() => return,
         None => Err(None),
         Some(Err(error)) if ends_with_the_server(&error) => {
-            context.drained().await;
+            jobs.context.drained().await;
             return;
         }
         Some(Err(error)) => Err(Some(failure(error))),
@@ -308,7 +308,7 @@ pub(super) async fn run(context: &Arc<Context>, entry: &Arc<Entry>) {
         drop(exclusive);
         tokio::select! {
             () = pause() => {}
-            () = context.drained() => return,
+            () = jobs.context.drained() => return,
         }
     }
     if let Some(begin) = entry.job().start_time.as_ref().and_then(nanoseconds) {
@@ -333,8 +333,7 @@ fn ends_with_the_server(error: &ServiceError) -> bool {
 }
 
 /// Writes that the job runs. `false` if it was canceled before, or the server stops.
-async fn begin(context: &Arc<Context>, entry: &Arc<Entry>) -> bool {
-    let jobs = &context.jobs;
+async fn begin(jobs: &Arc<Jobs>, entry: &Arc<Entry>) -> bool {
     loop {
         let exclusive = entry.exclusive().await;
         if entry.is_ended() {
@@ -363,7 +362,7 @@ async fn begin(context: &Arc<Context>, entry: &Arc<Entry>) -> bool {
         drop(exclusive);
         tokio::select! {
             () = pause() => {}
-            () = context.drained() => return false,
+            () = jobs.context.drained() => return false,
         }
     }
     let job = entry.job();

@@ -16,7 +16,7 @@ use tokio::task::JoinSet;
 use super::answer;
 use super::entry::{Entry, JobReservations, files_bytes, is_ended, new_bytes, on_disk};
 use super::uploads::{FILE_BYTES, Waiting, counted};
-use super::{Context, Jobs, run, spec};
+use super::{Jobs, run, spec};
 use crate::service::access::Caller;
 use crate::service::engine::{Resource, Turn};
 use crate::service::job_error::JobError;
@@ -25,32 +25,31 @@ use crate::wire::v1;
 use v1::JobState;
 
 /// Runs jobs until the server drains; returns when none runs any more.
-pub(in crate::service) async fn serve(context: Arc<Context>) {
-    let jobs = &context.jobs;
+pub(in crate::service) async fn serve(jobs: Arc<Jobs>) {
     let mut running: JoinSet<Arc<Entry>> = JoinSet::new();
     let mut entries: Vec<Arc<Entry>> = Vec::new();
     loop {
         while let Some((turn, entry)) = jobs.next() {
             entries.push(Arc::clone(&entry));
-            let context = Arc::clone(&context);
+            let jobs = Arc::clone(&jobs);
             running.spawn(async move {
                 let begin = Instant::now();
-                run::run(&context, &entry).await;
+                run::run(&jobs, &entry).await;
                 let took_ns = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
-                context.jobs.table.lock().queue.ended(&turn, took_ns);
+                jobs.table.lock().queue.ended(&turn, took_ns);
                 entry
             });
         }
         let expires = jobs.next_expiry();
         let expired = async {
             match expires {
-                Some(time) => jobs.clock.reached(time).await,
+                Some(time) => jobs.context.config.clock.reached(time).await,
                 None => std::future::pending().await,
             }
         };
         tokio::select! {
             biased;
-            () = context.drained() => break,
+            () = jobs.context.drained() => break,
             Some(ended) = running.join_next() => {
                 // A panic inside a job is caught there.
                 if let Ok(ended) = ended {
@@ -100,7 +99,7 @@ impl Jobs {
 
     /// Drops what has expired.
     async fn drop_expired(&self) {
-        let now = self.clock.now();
+        let now = self.context.config.clock.now();
         let (jobs, uploads) = {
             let mut table = self.table.lock();
             let is_due = |entry: &&Arc<Entry>| entry.expires().is_some_and(|time| time <= now);
@@ -128,22 +127,21 @@ impl Jobs {
     ///
     /// # Errors
     /// [`JobError`] where the folder of jobs cannot be read.
-    pub(in crate::service) async fn load(context: &Context) -> Result<(), JobError> {
-        let jobs = &context.jobs;
-        let folders = on_disk(&jobs.files, |files| Ok(files.list()?)).await?;
+    pub(in crate::service) async fn load(&self) -> Result<(), JobError> {
+        let folders = on_disk(&self.files, |files| Ok(files.list()?)).await?;
         let mut entries = Vec::new();
         for folder in folders {
             // One at a time: a record as it is read takes many times what an ended job keeps of it.
-            match on_disk(&jobs.files, move |files| Ok(read(files, folder))).await? {
-                FolderContent::Job(job) => entries.push(jobs.restored(*job, context)),
+            match on_disk(&self.files, move |files| Ok(read(files, folder))).await? {
+                FolderContent::Job(job) => entries.push(self.restored(*job)),
                 FolderContent::Upload(folder, upload) => {
-                    let account = jobs.accounts.tenant(&upload.tenant);
+                    let account = self.account(&upload.tenant);
                     let held = account.reserve_existing(Resource::JobBytes, counted(&upload));
                     let place = account.reserve_existing(Resource::Uploads, 1);
-                    jobs.give_back(Waiting { uid: folder.uid, upload, _held: held, _place: place });
+                    self.give_back(Waiting { uid: folder.uid, upload, _held: held, _place: place });
                 }
                 FolderContent::Later(key) => {
-                    jobs.table.lock().taken.insert(key);
+                    self.table.lock().taken.insert(key);
                 }
                 FolderContent::Nothing => {}
             }
@@ -151,15 +149,15 @@ impl Jobs {
         entries.sort_unstable_by_key(|entry| entry.number);
         for entry in entries {
             let is_waiting = !entry.is_ended();
-            if let Some(other) = jobs.insert(&entry) {
+            if let Some(other) = self.insert(&entry) {
                 // Only a copy of a folder has the name of another one.
                 tracing::error!(job = other.id(), "two folders have this job: the newer counts");
             }
             if is_waiting {
-                jobs.put_pending(entry);
+                self.put_pending(entry);
             } else {
                 // The server may have ended between the record and this.
-                jobs.drop_inputs(&entry).await;
+                self.drop_inputs(&entry).await;
             }
         }
         Ok(())
@@ -173,10 +171,10 @@ impl Jobs {
     }
 
     /// Resumes a job after a restart: one that was running waits for its turn again.
-    fn restored(&self, job: OnDisk, context: &Context) -> Arc<Entry> {
+    fn restored(&self, job: OnDisk) -> Arc<Entry> {
         let OnDisk { folder, record, mut job, done, upload, part_bytes } = job;
         let caller = Caller::of_tenant(&record.tenant);
-        let account = self.accounts.tenant(&record.tenant);
+        let account = self.account(&record.tenant);
         let spec = job.spec.clone().unwrap_or_default();
         if job.state() == JobState::Running {
             // It waits for its turn again.
@@ -190,7 +188,7 @@ impl Jobs {
             pending: (!has_ended).then(|| account.reserve_existing(Resource::PendingJobs, 1)),
         };
         let changes =
-            if has_ended { Vec::new() } else { spec::changed_maps(&spec, context, &caller) };
+            if has_ended { Vec::new() } else { spec::changed_maps(&spec, &self.context, &caller) };
         let key = (record.tenant, record.job_id);
         let identity = (key, folder.uid, record.number);
         Arc::new(Entry::new(identity, job, done, changes, upload, held))

@@ -3,6 +3,7 @@
 //! What can be refused when a job is created is refused then: bad fields, maps and clients that are not
 //! there, maps that take no changes. Field paths begin at the request.
 
+use super::Jobs;
 use crate::map::Reason;
 use crate::service::access::{Caller, Role};
 use crate::service::context::Context;
@@ -245,16 +246,16 @@ fn within(path: &str, error: ServiceError) -> ServiceError {
 pub(super) async fn check(
     spec: &v1::JobSpec,
     asked: &Asked,
-    context: &Context,
+    jobs: &Jobs,
     caller: &Caller,
 ) -> Result<Vec<String>, ServiceError> {
     if let Some(id) = &asked.upload {
-        context.jobs.check_upload(caller.tenant(), id)?;
+        jobs.check_upload(caller.tenant(), id)?;
     }
     let Some(kind) = &spec.spec else { return Ok(Vec::new()) };
     let mut changed = Vec::new();
     for map_id in maps_of(spec) {
-        let map = context.maps.find(&caller.engine_name(map_id)).await?;
+        let map = jobs.context.maps.find(&caller.engine_name(map_id)).await?;
         let info = map.info().await?;
         if let Spec::EvaluateTrajectory(spec) = kind
             && info.snapshot.client_named(&spec.client_id).is_none()

@@ -15,7 +15,6 @@ use super::run::REPORT;
 use super::{Jobs, Table};
 use crate::map::Reason;
 use crate::service::access::Caller;
-use crate::service::context::Context;
 use crate::service::convert::time::timestamp;
 use crate::service::convert::{count, small};
 use crate::service::engine::{Reservation, Resource};
@@ -183,22 +182,21 @@ impl Jobs {
     /// # Errors
     /// INVALID_ARGUMENT, RESOURCE_EXHAUSTED; nothing is kept.
     pub(in crate::service) async fn upload(
-        context: &Context,
+        &self,
         caller: &Caller,
         inbound: Streaming<v1::UploadJobFilesRequest>,
     ) -> Result<v1::UploadJobFilesResponse, ServiceError> {
-        let jobs = &context.jobs;
-        let mut upload = Upload::new(context, inbound);
+        let mut upload = Upload::new(&self.context, inbound);
         let header = upload.header().await?;
         let Ok(announced) = u64::try_from(header.size_bytes) else {
             let text = format!("{} is below 0", header.size_bytes);
             return Err(ServiceError::field("header.size_bytes", Reason::OutOfRange, text));
         };
-        let account = jobs.accounts.tenant(caller.tenant());
+        let account = self.account(caller.tenant());
         let place = account.reserve(Resource::Uploads, 1)?;
         let mut held = account.reserve(Resource::JobBytes, counted_with(0, announced))?;
         let uid = random_uid();
-        let mut partial = Partial { files: Arc::clone(&jobs.files), uid, is_whole: false };
+        let mut partial = Partial { files: Arc::clone(&self.files), uid, is_whole: false };
         let mut files: Vec<(String, u64)> = Vec::new();
         let (mut bytes, mut open) = (0_u64, None::<Writing>);
         while let Some(Chunk { path, data, begins_file, ends_file }) = upload.chunk().await? {
@@ -220,7 +218,7 @@ impl Jobs {
             }
             let mut file = match open.take() {
                 Some(file) => file,
-                None => Writing::begin(&jobs.files, uid, number(files.len()), path),
+                None => Writing::begin(&self.files, uid, number(files.len()), path),
             };
             let mut goes_on = file.put(Some(data)).await;
             if ends_file && goes_on {
@@ -237,15 +235,15 @@ impl Jobs {
             return Err(ServiceError::Protocol { field: "chunk", description });
         }
         held.resize(counted_with(files.len(), bytes))?;
-        let create_time_s = jobs.clock.now();
+        let create_time_s = self.context.config.clock.now();
         let upload = JobUpload { tenant: caller.tenant().to_owned(), create_time_s, files };
         let kept = upload.clone();
-        on_disk(&jobs.files, move |files| Ok(files.write_upload(&uid, &kept)?)).await?;
+        on_disk(&self.files, move |files| Ok(files.write_upload(&uid, &kept)?)).await?;
         partial.is_whole = true;
         let file_count = small(upload.files.len());
         let waiting = Waiting { uid, upload, _held: held, _place: place };
         let expire_time = Some(timestamp(waiting.expires().saturating_mul(1_000_000_000)));
-        jobs.give_back(waiting);
+        self.give_back(waiting);
         Ok(v1::UploadJobFilesResponse {
             upload_id: id_of(&uid),
             file_count,
@@ -265,7 +263,7 @@ impl Jobs {
 
     /// The upload of a tenant that has not expired.
     fn find_upload(&self, table: &Table, tenant: &str, id: &str) -> Option<JobUid> {
-        let now = self.clock.now();
+        let now = self.context.config.clock.now();
         let mut waiting = table.uploads.values();
         let found = waiting.find(|waiting| {
             waiting.upload.tenant == tenant && id_of(&waiting.uid) == id && waiting.expires() > now

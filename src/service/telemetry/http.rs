@@ -21,6 +21,7 @@ use tokio::task::JoinSet;
 use super::{page, text};
 use crate::service::connections::{ConnectionLimits, Connections};
 use crate::service::context::Context;
+use crate::service::jobs::Jobs;
 use crate::service::log_limit::LogLimit;
 use crate::service::same_site::{Hosts, refusal};
 
@@ -36,6 +37,7 @@ pub(in crate::service) async fn serve(
     listener: TcpListener,
     address: SocketAddr,
     context: Arc<Context>,
+    jobs: Arc<Jobs>,
 ) {
     let hosts = Hosts::of_metrics(address);
     let limits = ConnectionLimits {
@@ -48,10 +50,11 @@ pub(in crate::service) async fn serve(
     loop {
         match listener.accept().await {
             Ok((stream, peer)) => {
-                let (slot, context) = (connections.enter(peer), Arc::clone(&context));
+                let slot = connections.enter(peer);
+                let (context, jobs) = (Arc::clone(&context), Arc::clone(&jobs));
                 answers.spawn(async move {
                     tokio::select! {
-                        () = answer(stream, hosts, context) => {}
+                        () = answer(stream, hosts, context, jobs) => {}
                         () = slot.closed() => tracing::debug!("a connection for metrics made room"),
                         () = tokio::time::sleep(CONNECTION_TIME) => {
                             tracing::debug!("a connection for metrics took too long");
@@ -72,11 +75,11 @@ pub(in crate::service) async fn serve(
     }
 }
 
-async fn answer(stream: TcpStream, hosts: Hosts, context: Arc<Context>) {
+async fn answer(stream: TcpStream, hosts: Hosts, context: Arc<Context>, jobs: Arc<Jobs>) {
     let service = service_fn(move |request| {
         let response = match refusal(&request, hosts) {
             Some((status, why)) => plain(status, why),
-            None => respond(&request, &context),
+            None => respond(&request, &context, &jobs),
         };
         async move { Ok::<_, Infallible>(response) }
     });
@@ -97,7 +100,11 @@ fn plain(status: StatusCode, text: &str) -> Response<String> {
 }
 
 /// Answers a request for the page.
-pub(in crate::service) fn respond<B>(request: &Request<B>, context: &Context) -> Response<String> {
+pub(in crate::service) fn respond<B>(
+    request: &Request<B>,
+    context: &Context,
+    jobs: &Jobs,
+) -> Response<String> {
     if request.uri().path() != "/metrics" {
         return plain(StatusCode::NOT_FOUND, "there is /metrics only\n");
     }
@@ -106,7 +113,7 @@ pub(in crate::service) fn respond<B>(request: &Request<B>, context: &Context) ->
         response.headers_mut().insert(ALLOW, hyper::header::HeaderValue::from_static("GET"));
         return response;
     }
-    let mut response = Response::new(page(context));
+    let mut response = Response::new(page(context, jobs));
     let format = hyper::header::HeaderValue::from_static(text::CONTENT_TYPE);
     response.headers_mut().insert(CONTENT_TYPE, format);
     response

@@ -15,7 +15,7 @@ use crate::service::jobs::Jobs;
 use crate::store::StoreMeters;
 
 /// The page of a server as it is now.
-pub(in crate::service) fn page(context: &Context) -> String {
+pub(in crate::service) fn page(context: &Context, jobs: &Jobs) -> String {
     let mut text = Text::default();
     server(&mut text, context);
     calls(&mut text, context);
@@ -23,7 +23,7 @@ pub(in crate::service) fn page(context: &Context) -> String {
     maps(&mut text, context);
     items(&mut text, context.maps.meters());
     solves(&mut text, context.maps.meters());
-    jobs(&mut text, &context.jobs);
+    job_counts(&mut text, jobs);
     store(&mut text, &context.meters.store);
     text.finish()
 }
@@ -188,7 +188,7 @@ fn solves(text: &mut Text, engine: &EngineMeters) {
     text.histogram("covis_engine_held_seconds", help).seconds(&[], &engine.held_ns);
 }
 
-fn jobs(text: &mut Text, jobs: &Jobs) {
+fn job_counts(text: &mut Text, jobs: &Jobs) {
     let [pending, running, ended] = jobs.counts();
     text.gauge("covis_jobs", "Jobs: waiting, running, and ended ones that are kept.")
         .row(&[("state", "pending")], pending)
