@@ -68,7 +68,7 @@ struct Room {
     why: &'static str,
 }
 
-const ROOMS: [Room; 23] = [
+const ROOMS: [Room; 24] = [
     Room {
         rooms: &["store/src/meter"],
         except: &[],
@@ -185,6 +185,20 @@ const ROOMS: [Room; 23] = [
         forbidden: &["crate::evaluation"],
         but: &[],
         why: "trajectories are compared by jobs alone",
+    },
+    Room {
+        rooms: &["src/service"],
+        except: &[
+            "src/service/jobs",
+            "src/service/job_service",
+            "src/service/routes",
+            "src/service/server",
+            "src/service/telemetry/http",
+            "src/service/telemetry/page",
+        ],
+        forbidden: &["crate::service::jobs"],
+        but: &[],
+        why: "jobs know the context and the calls, which know no jobs",
     },
     Room {
         rooms: &["frontend"],
