@@ -26,23 +26,23 @@ end
 
 complete -c covis -n "__fish_covis_needs_command" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_needs_command" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_needs_command" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_needs_command" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_needs_command" -s V -l version -d 'Print version'
-complete -c covis -n "__fish_covis_needs_command" -f -a "doctor" -d 'Look at a data directory without a server: verify, report, repair'
-complete -c covis -n "__fish_covis_needs_command" -f -a "backup" -d 'Copy a data directory, also while a server uses it'
+complete -c covis -n "__fish_covis_needs_command" -f -a "doctor" -d 'Check a data directory without a server: verify, report, repair'
+complete -c covis -n "__fish_covis_needs_command" -f -a "backup" -d 'Copy a data directory, even while a server uses it'
 complete -c covis -n "__fish_covis_needs_command" -f -a "convert" -d 'Write a file in another format: trajectories, bundle adjustment, pose graphs'
 complete -c covis -n "__fish_covis_needs_command" -f -a "eval" -d 'Compare trajectories: absolute (APE) or relative pose error (RPE)'
-complete -c covis -n "__fish_covis_needs_command" -f -a "fuse" -d 'Fuse recorded depth and color to a surface, at given poses'
+complete -c covis -n "__fish_covis_needs_command" -f -a "fuse" -d 'Fuse recorded depth and color images into a surface, at given poses'
 complete -c covis -n "__fish_covis_needs_command" -f -a "mesh" -d 'Write the surface of a stored volume as PLY or GLB'
-complete -c covis -n "__fish_covis_needs_command" -f -a "grid" -d 'Write the ground of a stored volume for navigation: occupancy (PGM, YAML) or distances (PFM)'
-complete -c covis -n "__fish_covis_needs_command" -f -a "bench-frontend" -d 'Measure the reference frontend on sequences with truth, with and without the mask'
-complete -c covis -n "__fish_covis_needs_command" -f -a "demo" -d 'Track a synthetic room in which people walk, with and without the mask, server included'
-complete -c covis -n "__fish_covis_needs_command" -f -a "synth" -d 'Write synthetic data with its truth'
-complete -c covis -n "__fish_covis_needs_command" -f -a "health" -d 'Tell whether a server serves; the exit code is 0 if it does'
+complete -c covis -n "__fish_covis_needs_command" -f -a "grid" -d 'Write a navigation grid from a stored volume: occupancy (PGM, YAML) or distances (PFM)'
+complete -c covis -n "__fish_covis_needs_command" -f -a "bench-frontend" -d 'Measure the reference frontend on sequences with ground truth, with and without the mask'
+complete -c covis -n "__fish_covis_needs_command" -f -a "demo" -d 'Track a camera in a synthetic room in which people walk, with and without the mask, on its own server'
+complete -c covis -n "__fish_covis_needs_command" -f -a "synth" -d 'Write synthetic data with ground truth'
+complete -c covis -n "__fish_covis_needs_command" -f -a "health" -d 'Check whether a server is ready; the exit code is 0 if it is'
 complete -c covis -n "__fish_covis_needs_command" -f -a "job" -d 'Submit, list, show, watch, cancel or delete the jobs of a server'
-complete -c covis -n "__fish_covis_needs_command" -f -a "load" -d 'Put a server under load: so many maps, each with a client that sends keyframes at a fixed rate'
+complete -c covis -n "__fish_covis_needs_command" -f -a "load" -d 'Put a server under load: several maps, each with a client that sends keyframes at a fixed rate'
 complete -c covis -n "__fish_covis_needs_command" -f -a "map" -d 'List, show, edit, freeze, export, import or delete the maps of a server'
 complete -c covis -n "__fish_covis_needs_command" -f -a "record" -d 'Record a map as MCAP, for Foxglove and Rerun'
 complete -c covis -n "__fish_covis_needs_command" -f -a "replay" -d 'Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the map'
@@ -53,19 +53,19 @@ complete -c covis -n "__fish_covis_needs_command" -f -a "solve" -d 'Solve a file
 complete -c covis -n "__fish_covis_needs_command" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand doctor" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand doctor" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand doctor" -l repair -d 'Set damaged files aside and let their maps go on from what could be brought back; nothing is deleted. Jobs are left as they are: one that is damaged is not listed by the server'
-complete -c covis -n "__fish_covis_using_subcommand doctor" -l cut -d 'With --repair: where an event of a journal is intact and cannot be read, give it up with all that follow it, which are listed. The files are set aside; nothing is deleted'
+complete -c covis -n "__fish_covis_using_subcommand doctor" -l repair -d 'Set damaged files aside, so that their maps continue from what was recovered; nothing is deleted. Jobs are left as they are: the server does not list a damaged one'
+complete -c covis -n "__fish_covis_using_subcommand doctor" -l cut -d 'With --repair: if an event of a journal is intact but cannot be read, drop it and all later events, and list them. The files are set aside; nothing is deleted'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l json -d 'Print one JSON object instead of text'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand backup" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand backup" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand backup" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand backup" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand backup" -l json -d 'Print one JSON object instead of text'
 complete -c covis -n "__fish_covis_using_subcommand backup" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand convert" -l from -d 'What the input is [default: told by its name or its first line]' -r -f -a "tum\t'TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand convert" -l from -d 'Format of the input [default: detected from its name or its first line]' -r -f -a "tum\t'TUM trajectory'
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'
 bal\t'bundle adjustment in the large'
@@ -73,7 +73,7 @@ bundler\t'Bundler, with its list of images'
 colmap-text\t'folder with COLMAP\'s sparse model'
 colmap-binary\t'folder with COLMAP\'s sparse model'
 g2o\t'pose graph'"
-complete -c covis -n "__fish_covis_using_subcommand convert" -l to -d 'What to write: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o or ply [default: told by the name; a name without extension is a COLMAP folder]' -r -f -a "tum\t'TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand convert" -l to -d 'Format of the output: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o or ply [default: by its name; a name without extension is a COLMAP folder]' -r -f -a "tum\t'TUM trajectory'
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'
 bal\t'bundle adjustment in the large'
@@ -82,138 +82,138 @@ colmap-text\t'folder with COLMAP\'s sparse model'
 colmap-binary\t'folder with COLMAP\'s sparse model'
 g2o\t'pose graph'
 ply\t'points and paths for viewers'"
-complete -c covis -n "__fish_covis_using_subcommand convert" -l times -d 'Times of the poses of a KITTI file, seconds, one a line' -r -F
+complete -c covis -n "__fish_covis_using_subcommand convert" -l times -d 'Times of the poses of a KITTI file, seconds, one per line' -r -F
 complete -c covis -n "__fish_covis_using_subcommand convert" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand convert" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand convert" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand convert" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand convert" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand convert" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "ape" -d 'Absolute pose error after SE(3) alignment'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a fixed time'
-complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "mask" -d 'Intersection over union of masks of what moves, and what they mask falsely'
-complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "truth" -d 'Write the true poses that lie beside recorded images as a TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "mask" -d 'Intersection over union of masks of moving objects, and the share that they mask falsely'
+complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "truth" -d 'Write the ground-truth poses beside recorded images as a trajectory'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l format -d 'What both files are [default: told by names and first lines]' -r -f -a "tum\t'TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l format -d 'Format of both files [default: detected from names and first lines]' -r -f -a "tum\t'TUM trajectory'
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l max-time-difference -d 'Timestamps match within this many seconds' -r
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l format -d 'What both files are [default: told by names and first lines]' -r -f -a "tum\t'TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l format -d 'Format of both files [default: detected from names and first lines]' -r -f -a "tum\t'TUM trajectory'
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l max-time-difference -d 'Timestamps match within this many seconds' -r
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l delta-s -d 'The same over this time' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l delta-s -d 'Measure over this time' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l json -d 'Print one JSON object instead of a table'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l per-second -d 'Over one second, as the TUM scripts count it: the drift in m/s and deg/s'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l per-second -d 'Measure over one second, as the TUM scripts do: the drift in m/s and deg/s'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l static -d 'Nothing moves in the sequence: all that is masked is false'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l static -d 'Nothing moves in the sequence: every masked pixel is false'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l format -d 'What to write' -r -f -a "tum\t'TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l format -d 'Format of the trajectory' -r -f -a "tum\t'TUM trajectory'
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "ape" -d 'Absolute pose error after SE(3) alignment'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a fixed time'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "mask" -d 'Intersection over union of masks of what moves, and what they mask falsely'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "truth" -d 'Write the true poses that lie beside recorded images as a TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "mask" -d 'Intersection over union of masks of moving objects, and the share that they mask falsely'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "truth" -d 'Write the ground-truth poses beside recorded images as a trajectory'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l poses -d 'Where the camera was: a TUM or EuRoC trajectory, or a recorded folder with the truth beside its images. Poses are interpolated; frames farther than 0.02 s from one are skipped' -r -F
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l out -d 'Folder for mesh.ply and volume.covis; made where it is missing' -r -F
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l voxel -d 'Edge of a voxel, meters' -r
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l truncation-voxels -d 'Distances are cut off at this many voxels' -r
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l memory-mb -d 'Megabytes of the volume that are in memory at most; what is far from the camera waits in a temporary file in OUT [default: all is in memory]' -r
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l remesh -d 'Follow with the surface after each frame, by this many blocks of those that changed at most, oldest first; the rest waits for later frames [default: the surface is made at the end]' -r
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l max-depth -d 'Depth beyond this is not used, meters' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l poses -d 'Poses of the camera: a TUM or EuRoC trajectory, or a recorded folder with ground truth beside its images. Poses are interpolated; frames without a pose within 0.02 s are skipped' -r -F
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l out -d 'Folder for mesh.ply and volume.covis; it is created if it is missing' -r -F
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l voxel -d 'Edge length of a voxel, meters' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l truncation-voxels -d 'Truncation distance, voxels' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l memory-mb -d 'Maximum size of the volume in memory, megabytes; parts far from the camera move to a temporary file in OUT [default: no limit]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l remesh -d 'Update the surface after each frame, at most this many changed blocks, oldest first; the rest waits for later frames [default: compute the surface at the end]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l max-depth -d 'Maximum depth that is used, meters' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l camera -d 'Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3]' -r
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l depth-scale -d 'Units of a depth image a meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l threads -d 'Threads [default: all processors]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l seed -d 'Seed of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l frames -d 'Frames of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand fuse" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand mesh" -l memory-mb -d 'Megabytes of the volume that are in memory at most; the rest waits in a temporary file beside OUT [default: all is in memory, 4.2 KB a block]' -r
+complete -c covis -n "__fish_covis_using_subcommand mesh" -l memory-mb -d 'Maximum size of the volume in memory, megabytes; the rest moves to a temporary file beside OUT [default: no limit; 4.2 KB per block]' -r
 complete -c covis -n "__fish_covis_using_subcommand mesh" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand mesh" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand mesh" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand mesh" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand mesh" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand grid" -l up -d 'Up in the volume\'s frame [default: 0,-1,0, for a first camera that was held level]' -r
+complete -c covis -n "__fish_covis_using_subcommand grid" -l up -d 'Up direction in the volume\'s frame [default: 0,-1,0, for a first camera that was held level]' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l heights -d 'Heights between which a surface is an obstacle, meters along up from the volume\'s origin [default: -1.4,0.4]' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l slice -d 'Height of the slice of distances, meters along up' -r
-complete -c covis -n "__fish_covis_using_subcommand grid" -l memory-mb -d 'Megabytes of the volume that are in memory at most; the rest waits in a temporary file beside OUT [default: all is in memory, 4.2 KB a block]' -r
+complete -c covis -n "__fish_covis_using_subcommand grid" -l memory-mb -d 'Maximum size of the volume in memory, megabytes; the rest moves to a temporary file beside OUT [default: no limit; 4.2 KB per block]' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand grid" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand grid" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand grid" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand grid" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l out -d 'Folder for trajectories and masks, those of each run in a folder of its own' -r -F
-complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l threads -d 'Threads; with one, frames are decoded between others\' tracking' -r
+complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l out -d 'Folder for trajectories and masks; each run gets its own subfolder' -r -F
+complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l threads -d 'Threads; a single one decodes and tracks frames in turn' -r
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l seed -d 'Seed of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l frames -d 'Frames of a synthetic scene' -r
-complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l json -d 'Print one JSON object instead of tables'
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand demo" -l out -d 'Folder for the map and the trajectories; made when it does not exist' -r -F
+complete -c covis -n "__fish_covis_using_subcommand demo" -l out -d 'Folder for the map and the trajectories; it is created if it is missing' -r -F
 complete -c covis -n "__fish_covis_using_subcommand demo" -l frames -d 'Frames, 30 a second; a round takes 180' -r
 complete -c covis -n "__fish_covis_using_subcommand demo" -l seed -d 'Seed of the scene and of all noise' -r
 complete -c covis -n "__fish_covis_using_subcommand demo" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand demo" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand demo" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand demo" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand demo" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -f -a "rgbd" -d 'An RGB-D sequence of an indoor scene: rgb, depth, truth of the camera, masks of what moves'
+complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -f -a "rgbd" -d 'An RGB-D sequence of an indoor scene: color, depth, ground truth of the camera, masks of moving objects'
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l scene -d 'static, walking, sitting, pushed, exposure, loop, covered or rounds' -r
-complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l seed -d 'The same scene and seed give the same bytes' -r
+complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l seed -d 'Seed; the same scene and seed give the same bytes' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l frames -d 'How many frames of 640 x 480 pixels, 30 a second' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l no-noise -d 'Exact depth and color, without a Kinect\'s noise and gaps'
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from help" -f -a "rgbd" -d 'An RGB-D sequence of an indoor scene: rgb, depth, truth of the camera, masks of what moves'
+complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from help" -f -a "rgbd" -d 'An RGB-D sequence of an indoor scene: color, depth, ground truth of the camera, masks of moving objects'
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand health" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand health" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
@@ -222,7 +222,7 @@ complete -c covis -n "__fish_covis_using_subcommand health" -l key -d 'The priva
 complete -c covis -n "__fish_covis_using_subcommand health" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand health" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand health" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand health" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand health" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand health" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand health" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -233,27 +233,27 @@ complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_sub
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "submit" -d 'Create a job on a map of the server, or on files that are sent to it'
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "list" -d 'List the jobs, the newest first'
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "show" -d 'Show a job with its report'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "watch" -d 'Follow a job to its end: a line at each change'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "cancel" -d 'Ask a job to stop. What it would have changed stays as it was'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "delete" -d 'Forget a job that has ended, with its files'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "watch" -d 'Follow a job to its end and print a line at each change'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "cancel" -d 'Ask a job to stop without applying its result'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "delete" -d 'Delete a job that has ended, with its files'
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "fetch" -d 'Write the files that a job made: the report, solved problems, an export'
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l map -d 'The map that it is done to' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l map -d 'The map that the job works on' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l file -d 'A problem to solve instead of a map: a BAL or g2o file, a folder with a COLMAP sparse model, or a folder of such problems. It is sent to the server' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l id -d 'The job\'s name; the same name and arguments again answer the job that is there, but for files [default: a new one]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l priority -d 'Waiting jobs with a higher priority begin first, -100 to 100' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l id -d 'The job\'s name. If you repeat the command with the same name and arguments, and without files, it returns the existing job [default: a new name]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l priority -d 'Waiting jobs with a higher priority start first, -100 to 100' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l out -d 'Wait, and write the files that the job makes: solved problems, an export. One file goes to this path, several into this folder' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l max-iterations -d 'optimize-map, optimize-pose-graph on a map: most iterations [default: until it converges]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l time-limit -d 'optimize-map, optimize-pose-graph on a map: end after so long with the best state so far [default: when it converges]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l redundant-share -d 'compact: retire keyframes of which this share of the landmarks is seen by three others' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l truth -d 'evaluate: the truth as a TUM trajectory' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l max-iterations -d 'optimize-map, optimize-pose-graph on a map: maximum number of iterations [default: until it converges]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l time-limit -d 'optimize-map, optimize-pose-graph on a map: stop after this time with the best state so far [default: when it converges]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l redundant-share -d 'compact: retire a keyframe if three others see this share of its landmarks' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l truth -d 'evaluate: the ground truth as a TUM trajectory' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l client -d 'evaluate: the client whose keyframes are compared [default: the map\'s only one]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l max-time-difference -d 'evaluate: timestamps match within this many seconds [default: 0.01]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l format -d 'export: what to write' -r -f -a "colmap-text\t'COLMAP sparse model as text'
@@ -262,7 +262,7 @@ tum\t'TUM trajectories'
 kitti\t'KITTI\'s poses, without times'
 euroc\t'Trajectories as EuRoC\'s ground truth; the body is the camera'
 g2o\t'Pose graph as the server solves it: relative poses that keyframes measure, and constraints that are not switched off. `covis solve pose-graph` finds the same poses'
-ply\t'Landmarks and trajectories for viewers; is not imported'
+ply\t'Landmarks and trajectories for viewers; cannot be imported'
 covis\t'All of the map, to move it to another server'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
@@ -271,10 +271,10 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l wait -d 'Wait for the job\'s end; the exit code is 1 if it does not succeed'
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l refine-intrinsics -d 'optimize-map on a map: free the cameras\' intrinsics too; files always do'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l refine-intrinsics -d 'optimize-map on a map: optimize the cameras\' intrinsics too; with files this is always on'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l keep-journal -d 'compact: keep the journal before the snapshot'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -291,11 +291,11 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
@@ -303,7 +303,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -314,7 +314,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -325,7 +325,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -336,7 +336,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -348,20 +348,20 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "submit" -d 'Create a job on a map of the server, or on files that are sent to it'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "list" -d 'List the jobs, the newest first'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "show" -d 'Show a job with its report'
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "watch" -d 'Follow a job to its end: a line at each change'
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "cancel" -d 'Ask a job to stop. What it would have changed stays as it was'
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "delete" -d 'Forget a job that has ended, with its files'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "watch" -d 'Follow a job to its end and print a line at each change'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "cancel" -d 'Ask a job to stop without applying its result'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "delete" -d 'Delete a job that has ended, with its files'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "fetch" -d 'Write the files that a job made: the report, solved problems, an export'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand load" -l maps -d 'Maps, each with a client of its own' -r
-complete -c covis -n "__fish_covis_using_subcommand load" -l rate -d 'Keyframes a second of each client' -r
+complete -c covis -n "__fish_covis_using_subcommand load" -l maps -d 'Maps, each with its own client' -r
+complete -c covis -n "__fish_covis_using_subcommand load" -l rate -d 'Keyframes per second of each client' -r
 complete -c covis -n "__fish_covis_using_subcommand load" -l seconds -d 'How long to send' -r
 complete -c covis -n "__fish_covis_using_subcommand load" -l observations -d 'Observations of each keyframe' -r
 complete -c covis -n "__fish_covis_using_subcommand load" -l maps-per-connection -d 'Maps on one connection' -r
@@ -372,7 +372,7 @@ complete -c covis -n "__fish_covis_using_subcommand load" -l key -d 'The private
 complete -c covis -n "__fish_covis_using_subcommand load" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand load" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand load" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand load" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand load" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand load" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand load" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -383,7 +383,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_sub
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -391,10 +391,10 @@ complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_sub
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "show" -d 'Show one map: counts, clients, bounds'
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "closures" -d 'List where keyframes looked like earlier ones: the loop closures that the server added, and why others were refused'
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "constraints" -d 'List the constraints of a map, and which of them are switched off'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "freeze" -d 'Freeze a map: it can be read and takes no changes until it is opened again'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "unfreeze" -d 'Open a frozen map again'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "edit" -d 'Change or remove what a map holds'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "merge" -d 'Make a map part of another one that shows the same places'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "freeze" -d 'Freeze a map: it can be read but not changed until you unfreeze it'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "unfreeze" -d 'Unfreeze a map, so that it can be changed again'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "edit" -d 'Change or remove content of a map'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "merge" -d 'Merge a map into another one that shows the same places'
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "unmerge" -d 'Take a map out of the one that it was merged into'
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "delete" -d 'Delete a map with its journal'
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "export" -d 'Write a map to files'
@@ -407,7 +407,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -418,7 +418,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -429,7 +429,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -440,7 +440,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -451,7 +451,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -462,11 +462,11 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l client -d 'The client under whose name the edit is sent. Opening a stream ends one that is open under the same name: never the name of a robot' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l client -d 'The client name under which the edit is sent. Do not use the name of a robot: opening a stream ends another one that is open under the same name' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
@@ -474,19 +474,19 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l optimized -d 'Wait until the solves that the edit starts have ended, too'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l optimized -d 'Also wait until the solves that the edit starts have ended'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -a "revoke-constraint" -d 'Remove a constraint or prior'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -a "remove-observations" -d 'Remove what a keyframe sees of landmarks'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -a "fuse-landmarks" -d 'Make several landmarks one'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -a "remove-observations" -d 'Remove a keyframe\'s observations of landmarks'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -a "fuse-landmarks" -d 'Fuse several landmarks into one'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -a "remove-landmarks" -d 'Remove landmarks with their observations'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -a "remove-keyframe" -d 'Remove a keyframe with its observations, constraints and priors'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -a "set-camera" -d 'Replace the model of a camera'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l rename -d 'Another name for a client of the source, where the target has a client of that name' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l rename -d 'A new name for a client of the source, if the target already has a client of that name' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
@@ -494,7 +494,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -505,7 +505,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -516,19 +516,19 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l format -d 'What to write' -r -f -a "colmap-text\t'COLMAP sparse model as text'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l format -d 'Format of the files' -r -f -a "colmap-text\t'COLMAP sparse model as text'
 colmap-binary\t'COLMAP sparse model in binary'
 tum\t'TUM trajectories'
 kitti\t'KITTI\'s poses, without times'
 euroc\t'Trajectories as EuRoC\'s ground truth; the body is the camera'
 g2o\t'Pose graph as the server solves it: relative poses that keyframes measure, and constraints that are not switched off. `covis solve pose-graph` finds the same poses'
-ply\t'Landmarks and trajectories for viewers; is not imported'
+ply\t'Landmarks and trajectories for viewers; cannot be imported'
 covis\t'All of the map, to move it to another server'"
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l out -d 'The file; a folder where there are several (COLMAP\'s three, trajectories of several clients)' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l out -d 'The file to write, or a folder if there are several (COLMAP\'s three, trajectories of several clients)' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
@@ -536,19 +536,19 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l format -d 'What the files are. Default: told by their names' -r -f -a "colmap-text\t'COLMAP sparse model as text'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l format -d 'Format of the files [default: detected from their names]' -r -f -a "colmap-text\t'COLMAP sparse model as text'
 colmap-binary\t'COLMAP sparse model in binary'
 tum\t'TUM trajectories'
 kitti\t'KITTI\'s poses, without times'
 euroc\t'Trajectories as EuRoC\'s ground truth; the body is the camera'
 g2o\t'Pose graph as the server solves it: relative poses that keyframes measure, and constraints that are not switched off. `covis solve pose-graph` finds the same poses'
-ply\t'Landmarks and trajectories for viewers; is not imported'
+ply\t'Landmarks and trajectories for viewers; cannot be imported'
 covis\t'All of the map, to move it to another server'"
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l client -d 'Owner of what comes from a format without clients' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l client -d 'Owner of the imported entities, if the format has no clients' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
@@ -556,7 +556,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -564,17 +564,17 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "show" -d 'Show one map: counts, clients, bounds'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "closures" -d 'List where keyframes looked like earlier ones: the loop closures that the server added, and why others were refused'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "constraints" -d 'List the constraints of a map, and which of them are switched off'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "freeze" -d 'Freeze a map: it can be read and takes no changes until it is opened again'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "unfreeze" -d 'Open a frozen map again'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "edit" -d 'Change or remove what a map holds'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "merge" -d 'Make a map part of another one that shows the same places'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "freeze" -d 'Freeze a map: it can be read but not changed until you unfreeze it'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "unfreeze" -d 'Unfreeze a map, so that it can be changed again'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "edit" -d 'Change or remove content of a map'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "merge" -d 'Merge a map into another one that shows the same places'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "unmerge" -d 'Take a map out of the one that it was merged into'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "delete" -d 'Delete a map with its journal'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "export" -d 'Write a map to files'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "import" -d 'Create a map from files: an export of covis, COLMAP, g2o, or a trajectory'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand record" -l for -d 'Go on recording what changes for this long' -r
-complete -c covis -n "__fish_covis_using_subcommand record" -l every -d 'While the map changes, write landmarks, trajectories and closures this often at most' -r
+complete -c covis -n "__fish_covis_using_subcommand record" -l for -d 'Keep recording changes for this long' -r
+complete -c covis -n "__fish_covis_using_subcommand record" -l every -d 'While the map changes, write landmarks, trajectories and closures at most this often' -r
 complete -c covis -n "__fish_covis_using_subcommand record" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand record" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand record" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
@@ -582,15 +582,15 @@ complete -c covis -n "__fish_covis_using_subcommand record" -l key -d 'The priva
 complete -c covis -n "__fish_covis_using_subcommand record" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand record" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand record" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand record" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand record" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand record" -l follow -d 'Go on recording what changes, until ctrl-c, SIGTERM or the end of the map'
+complete -c covis -n "__fish_covis_using_subcommand record" -l follow -d 'Keep recording changes until ctrl-c, SIGTERM or the end of the map'
 complete -c covis -n "__fish_covis_using_subcommand record" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand replay" -l map -d 'The map; made when it does not exist [default: the file\'s name]' -r
-complete -c covis -n "__fish_covis_using_subcommand replay" -l rate -d 'Send so many keyframes a second [default: as fast as the server takes them]' -r
-complete -c covis -n "__fish_covis_using_subcommand replay" -l reconnect-for -d 'How long to try to reach a server that is not there, or went away, before giving up' -r
-complete -c covis -n "__fish_covis_using_subcommand replay" -l spill-dir -d 'Keep what a server that is away has not taken in a file of this folder, beyond what memory holds; the next run of the same recording onto the same map sends it first' -r -F
-complete -c covis -n "__fish_covis_using_subcommand replay" -l spill-bytes -d 'Longest such file, bytes [default: 1 GiB]' -r
+complete -c covis -n "__fish_covis_using_subcommand replay" -l map -d 'Name of the map; it is created if it does not exist [default: the file\'s name]' -r
+complete -c covis -n "__fish_covis_using_subcommand replay" -l rate -d 'Send this many keyframes per second [default: as fast as the server takes them]' -r
+complete -c covis -n "__fish_covis_using_subcommand replay" -l reconnect-for -d 'How long to retry when the server does not answer or disconnects, before giving up' -r
+complete -c covis -n "__fish_covis_using_subcommand replay" -l spill-dir -d 'While the server is unreachable, store unsent items that do not fit in memory in a file in this folder; the next run of the same recording onto the same map sends them first' -r -F
+complete -c covis -n "__fish_covis_using_subcommand replay" -l spill-bytes -d 'Maximum size of that file, bytes [default: 1 GiB]' -r
 complete -c covis -n "__fish_covis_using_subcommand replay" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand replay" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand replay" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
@@ -598,165 +598,165 @@ complete -c covis -n "__fish_covis_using_subcommand replay" -l key -d 'The priva
 complete -c covis -n "__fish_covis_using_subcommand replay" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand replay" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand replay" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand replay" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand replay" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand replay" -l append -d 'Add to a map that is not empty. A file that was sent before is recognized, nothing doubles'
-complete -c covis -n "__fish_covis_using_subcommand replay" -l replace -d 'Delete what the map holds first'
-complete -c covis -n "__fish_covis_using_subcommand replay" -l no-lock-step -d 'Let solves run beside the stream: sooner done, but no longer the same bits every time'
+complete -c covis -n "__fish_covis_using_subcommand replay" -l append -d 'Add to a map that is not empty. The server recognizes a file that was sent before and adds nothing twice'
+complete -c covis -n "__fish_covis_using_subcommand replay" -l replace -d 'Delete the map\'s content first'
+complete -c covis -n "__fish_covis_using_subcommand replay" -l no-lock-step -d 'Run solves in parallel with the stream: faster, but results are no longer reproducible to the bit'
 complete -c covis -n "__fish_covis_using_subcommand replay" -l json -d 'Print one JSON object instead of a table; also after a failure and on SIGTERM'
 complete -c covis -n "__fish_covis_using_subcommand replay" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand run" -l map -d 'The map to make on the server' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l out -d 'Folder for trajectories and masks; made where it is missing' -r -F
-complete -c covis -n "__fish_covis_using_subcommand run" -l format -d 'What the trajectories are written as' -r -f -a "tum\t'TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand run" -l map -d 'The map to create on the server' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l out -d 'Folder for trajectories and masks; it is created if it is missing' -r -F
+complete -c covis -n "__fish_covis_using_subcommand run" -l format -d 'Format of the trajectories' -r -f -a "tum\t'TUM trajectory'
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand run" -l camera -d 'Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l depth-scale -d 'Units of a depth image a meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l readout-ms -d 'From the first row\'s exposure to the last row\'s [default: what camera.txt says, else a Kinect\'s 26.1]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l depth-late-ms -d 'How much later than their timestamps depth images are taken [default: what camera.txt says, else -15]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l mask-dir -d 'Masks of what is known to move, one a frame: PNG, above 127 where it moves, named by the frame\'s timestamp' -r -F
-complete -c covis -n "__fish_covis_using_subcommand run" -l voxel -d 'Edge of a voxel, meters' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l truncation-voxels -d 'Distances are cut off at this many voxels' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l memory-mb -d 'Megabytes of the volume that are in memory at most; what is far from the camera waits in a temporary file in OUT [default: all is in memory]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l mesh-every -d 'Integrate every so many frames' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l threads -d 'Threads; with one, frames are decoded between others\' tracking [default: all processors]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l readout-ms -d 'Time from the first row\'s exposure to the last row\'s [default: from camera.txt, else a Kinect\'s 26.1]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l depth-late-ms -d 'How much later than their timestamps depth images are taken [default: from camera.txt, else -15]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l mask-dir -d 'Masks of known moving objects, one PNG file per frame: above 127 where something moves, named by the frame\'s timestamp' -r -F
+complete -c covis -n "__fish_covis_using_subcommand run" -l voxel -d 'Edge length of a voxel, meters' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l truncation-voxels -d 'Truncation distance, voxels' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l memory-mb -d 'Maximum size of the volume in memory, megabytes; parts far from the camera move to a temporary file in OUT [default: no limit]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l mesh-every -d 'Integrate every Nth frame' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l threads -d 'Threads; a single one decodes and tracks frames in turn [default: all processors]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l seed -d 'Seed of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l frames -d 'Frames of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l mcap -d 'Record the map, images of keyframes and figures to plot as MCAP, for Foxglove and Rerun' -r -F
-complete -c covis -n "__fish_covis_using_subcommand run" -l report -d 'Where the page about the run goes, one HTML file without scripts [default: OUT/report.html; with --json none]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand run" -l report -d 'Where to write the report of the run, one HTML file without scripts [default: OUT/report.html; with --json none]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand run" -l server -d 'The server\'s URL; neither COVIS_SERVER nor covis.toml names it [default: a server in this process]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l server -d 'The server\'s URL; this command ignores COVIS_SERVER and covis.toml here [default: a server in this process]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand run" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand run" -l no-mask -d 'Detect nothing that moves'
-complete -c covis -n "__fish_covis_using_subcommand run" -l save-masks -d 'Write the masks of what moves to OUT/masks'
-complete -c covis -n "__fish_covis_using_subcommand run" -l mesh -d 'Map densely: mesh.ply, mesh.glb and volume.covis in OUT'
-complete -c covis -n "__fish_covis_using_subcommand run" -l lock-step -d 'Wait at each keyframe until the server has solved it: slower, and each run gives the same files, but for the times in its report. Otherwise tracking never waits for the server'
+complete -c covis -n "__fish_covis_using_subcommand run" -l no-mask -d 'Do not detect moving objects'
+complete -c covis -n "__fish_covis_using_subcommand run" -l save-masks -d 'Write the masks of moving objects to OUT/masks'
+complete -c covis -n "__fish_covis_using_subcommand run" -l mesh -d 'Build a dense map: write mesh.ply, mesh.glb and volume.covis to OUT'
+complete -c covis -n "__fish_covis_using_subcommand run" -l lock-step -d 'Wait at each keyframe until the server has solved it: slower, but each run gives the same files, except for the times in its report. Without this flag tracking never waits for the server'
 complete -c covis -n "__fish_covis_using_subcommand run" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand run" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand serve" -l listen -d 'Address to listen on, host:port; port 0 takes a free one [default: 127.0.0.1:7411] [env: COVIS_LISTEN]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l tls-cert -d 'The server\'s certificate (PEM); with it TLS is spoken [env: COVIS_TLS_CERT]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand serve" -l listen -d 'Address to listen on, host:port; port 0 picks a free port [default: 127.0.0.1:7411] [env: COVIS_LISTEN]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l tls-cert -d 'The server\'s certificate (PEM); with it, the server uses TLS [env: COVIS_TLS_CERT]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand serve" -l tls-key -d 'The private key of --tls-cert (PEM) [env: COVIS_TLS_KEY]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand serve" -l tls-client-ca -d 'Take only clients whose certificate these authorities (PEM) signed [env: COVIS_TLS_CLIENT_CA]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand serve" -l tokens -d 'Take only calls with a bearer token of this file (TOML) [env: COVIS_TOKENS]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand serve" -l jwks -d 'Take also JSON Web Tokens that a key of this set (JWKS) signed [env: COVIS_JWKS]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand serve" -l tls-client-ca -d 'Accept only clients whose certificate one of these authorities (PEM) has signed [env: COVIS_TLS_CLIENT_CA]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand serve" -l tokens -d 'Accept only calls with a bearer token that this file (TOML) lists [env: COVIS_TOKENS]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand serve" -l jwks -d 'Also accept JSON Web Tokens that a key of this set (JWKS) has signed [env: COVIS_JWKS]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand serve" -l jwt-issuer -d 'The issuer (`iss`) that those tokens must name [env: COVIS_JWT_ISSUER]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l jwt-audience -d 'The audience (`aud`) that they must be meant for [env: COVIS_JWT_AUDIENCE]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l metrics-listen -d 'Address at which `GET /metrics` is answered for Prometheus, in plain text; port 0 takes a free one [default: none] [env: COVIS_METRICS_LISTEN]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l http -d 'Address at which browsers get the page that shows maps; port 0 takes a free one [default: none] [env: COVIS_HTTP]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l drain-budget -d 'Seconds that the server waits for running calls when it is told to end [default: 10] [env: COVIS_DRAIN_BUDGET]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l job-retention -d 'Seconds that a job is kept after its end [default: 604800] [env: COVIS_JOB_RETENTION]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l jwt-audience -d 'The audience (`aud`) that those tokens must name [env: COVIS_JWT_AUDIENCE]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l metrics-listen -d 'Address at which the server answers `GET /metrics` for Prometheus, in plain text; port 0 picks a free port [default: none] [env: COVIS_METRICS_LISTEN]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l http -d 'Address of the web page that shows maps; port 0 picks a free port [default: none] [env: COVIS_HTTP]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l drain-budget -d 'Seconds that the server waits for running calls when it shuts down [default: 10] [env: COVIS_DRAIN_BUDGET]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l job-retention -d 'Seconds for which the server keeps a job after its end [default: 604800] [env: COVIS_JOB_RETENTION]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l otlp-endpoint -d 'Export spans of calls, items and solves to this collector by OTLP over gRPC, in builds with the feature `opentelemetry` [default: none] [env: COVIS_OTLP_ENDPOINT]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l threads -d 'Worker threads for solves; results do not depend on their number [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l data-dir -d 'Folder to keep maps in [default: the platform\'s folder for data] [env: COVIS_DATA_DIR]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand serve" -l nats -d 'Share maps with other servers over these NATS servers, URLs separated by commas, in builds with the feature `cluster` [default: none] [env: COVIS_NATS]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l nats-monitoring -d 'Monitoring addresses of all NATS servers, separated by commas (http://host:8222): they tell whether NATS syncs before it acknowledges [default: none] [env: COVIS_NATS_MONITORING]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l nats-replicas -d 'On how many NATS servers each map\'s journal is: 1, 3 or 5 [default: 3] [env: COVIS_NATS_REPLICAS]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l lease-seconds -d 'Seconds after which the maps of a server that is not heard of are taken over [default: 5] [env: COVIS_LEASE_SECONDS]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l advertise -d 'URL by which clients reach this server, for those that asked another one [default: from --listen] [env: COVIS_ADVERTISE]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l nats-monitoring -d 'Monitoring addresses of all NATS servers, separated by commas (http://host:8222): the server asks them whether NATS syncs before it acknowledges [default: none] [env: COVIS_NATS_MONITORING]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l nats-replicas -d 'Number of NATS servers that keep each map\'s journal: 1, 3 or 5 [default: 3] [env: COVIS_NATS_REPLICAS]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l lease-seconds -d 'Seconds of silence after which other servers take over a server\'s maps [default: 5] [env: COVIS_LEASE_SECONDS]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l advertise -d 'URL of this server for clients that called another server of the cluster [default: from --listen] [env: COVIS_ADVERTISE]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l max-message-bytes -d 'Largest message in bytes, in and out [default: 4194304] [env: COVIS_MAX_MESSAGE_BYTES]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l max-concurrent-streams -d 'Most concurrent streams of one connection [default: 64] [env: COVIS_MAX_CONCURRENT_STREAMS]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l max-connections -d 'Most connections at once [default: 512] [env: COVIS_MAX_CONNECTIONS]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l max-strangers -d 'Most of them that have made no call that was admitted; half of all at most [default: 256] [env: COVIS_MAX_STRANGERS]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l max-concurrent-streams -d 'Maximum number of concurrent streams of one connection [default: 64] [env: COVIS_MAX_CONCURRENT_STREAMS]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l max-connections -d 'Maximum number of connections [default: 512] [env: COVIS_MAX_CONNECTIONS]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l max-strangers -d 'Maximum number of connections that have not made an admitted call yet; at most half of max-connections [default: 256] [env: COVIS_MAX_STRANGERS]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l queue-capacity -d 'Items that may wait for a map\'s engine before a stream is slowed down [default: 64] [env: COVIS_QUEUE_CAPACITY]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand serve" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand serve" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand serve" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand serve" -l insecure-plain-text -d 'Speak plain text also beyond loopback: others on the network can read and change all of it [env: COVIS_INSECURE_PLAIN_TEXT]'
-complete -c covis -n "__fish_covis_using_subcommand serve" -l lock-step -d 'Finish each solve before the next item of a stream is taken [env: COVIS_LOCK_STEP]'
-complete -c covis -n "__fish_covis_using_subcommand serve" -l in-memory -d 'Keep maps in memory only: they are gone at the end [env: COVIS_IN_MEMORY]'
-complete -c covis -n "__fish_covis_using_subcommand serve" -l accept-unsynced-replicas -d 'Take NATS servers that acknowledge before they sync: a loss of power of several of them loses what was acknowledged [env: COVIS_ACCEPT_UNSYNCED_REPLICAS]'
+complete -c covis -n "__fish_covis_using_subcommand serve" -l insecure-plain-text -d 'Serve plain text beyond loopback too: others on the network can read and change everything [env: COVIS_INSECURE_PLAIN_TEXT]'
+complete -c covis -n "__fish_covis_using_subcommand serve" -l lock-step -d 'Finish each solve before taking the next item of a stream [env: COVIS_LOCK_STEP]'
+complete -c covis -n "__fish_covis_using_subcommand serve" -l in-memory -d 'Keep maps in memory only: they are lost when the server stops [env: COVIS_IN_MEMORY]'
+complete -c covis -n "__fish_covis_using_subcommand serve" -l accept-unsynced-replicas -d 'Accept NATS servers that acknowledge before they sync: if several of them lose power, acknowledged items are lost [env: COVIS_ACCEPT_UNSYNCED_REPLICAS]'
 complete -c covis -n "__fish_covis_using_subcommand serve" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand worker" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
+complete -c covis -n "__fish_covis_using_subcommand worker" -l threads -d 'Worker threads for solves; results do not depend on their number [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand worker" -l nats -d 'Share maps with other servers over these NATS servers, URLs separated by commas, in builds with the feature `cluster` [default: none] [env: COVIS_NATS]' -r
-complete -c covis -n "__fish_covis_using_subcommand worker" -l nats-monitoring -d 'Monitoring addresses of all NATS servers, separated by commas (http://host:8222): they tell whether NATS syncs before it acknowledges [default: none] [env: COVIS_NATS_MONITORING]' -r
-complete -c covis -n "__fish_covis_using_subcommand worker" -l nats-replicas -d 'On how many NATS servers each map\'s journal is: 1, 3 or 5 [default: 3] [env: COVIS_NATS_REPLICAS]' -r
-complete -c covis -n "__fish_covis_using_subcommand worker" -l lease-seconds -d 'Seconds after which the maps of a server that is not heard of are taken over [default: 5] [env: COVIS_LEASE_SECONDS]' -r
+complete -c covis -n "__fish_covis_using_subcommand worker" -l nats-monitoring -d 'Monitoring addresses of all NATS servers, separated by commas (http://host:8222): the server asks them whether NATS syncs before it acknowledges [default: none] [env: COVIS_NATS_MONITORING]' -r
+complete -c covis -n "__fish_covis_using_subcommand worker" -l nats-replicas -d 'Number of NATS servers that keep each map\'s journal: 1, 3 or 5 [default: 3] [env: COVIS_NATS_REPLICAS]' -r
+complete -c covis -n "__fish_covis_using_subcommand worker" -l lease-seconds -d 'Seconds of silence after which other servers take over a server\'s maps [default: 5] [env: COVIS_LEASE_SECONDS]' -r
 complete -c covis -n "__fish_covis_using_subcommand worker" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand worker" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand worker" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand worker" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand worker" -l accept-unsynced-replicas -d 'Take NATS servers that acknowledge before they sync: a loss of power of several of them loses what was acknowledged [env: COVIS_ACCEPT_UNSYNCED_REPLICAS]'
+complete -c covis -n "__fish_covis_using_subcommand worker" -l accept-unsynced-replicas -d 'Accept NATS servers that acknowledge before they sync: if several of them lose power, acknowledged items are lost [env: COVIS_ACCEPT_UNSYNCED_REPLICAS]'
 complete -c covis -n "__fish_covis_using_subcommand worker" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l threads -d 'Worker threads for solves; results do not depend on their number [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l max-iterations -d 'Most iterations, rejected ones included' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l max-iterations -d 'Maximum number of iterations, rejected ones included' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l loss -d 'Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l out -d 'Write the solved problem in the input\'s own format, with 17 digits' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l free-intrinsics -d 'Which intrinsics are free, of those that the model of a camera has: a list with commas' -r -f -a "focal-length\t'One focal length or two, as the model has'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l free-intrinsics -d 'Intrinsics to optimize, where the camera\'s model has them: a list with commas' -r -f -a "focal-length\t'One or two focal lengths, depending on the model'
 principal-point\t'The principal point'
 distortion\t'The coefficients of the distortion'"
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l linear-solver -d 'How the reduced camera system is stored and factored' -r -f -a "auto\t'Whichever suits the problem'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l linear-solver -d 'How the reduced camera system is stored and factored' -r -f -a "auto\t'Chosen to suit the problem'
 dense-schur\t'A dense factorization'
 sparse-schur\t'A sparse factorization'
 iterative-schur\t'Conjugate gradients, without a factorization'"
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l behind-camera -d 'What becomes of observations whose landmark starts at or behind the camera\'s center plane' -r -f -a "count\t'They count like all others'
-drop\t'They are left out of the solve; the written file keeps them'"
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l behind-camera -d 'What to do with observations whose landmark starts at or behind the camera\'s center plane' -r -f -a "count\t'Use them like all others'
+drop\t'Leave them out of the solve; the written file keeps them'"
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l threads -d 'Worker threads for solves; results do not depend on their number [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l fix-intrinsics -d 'Hold focal lengths, distortion and principal points fixed'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l rebuild -d 'Throw poses and points of the file away and reconstruct them from its observations first; those that do not agree are left out of the solve'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l rebuild -d 'Discard the file\'s poses and points and reconstruct them from its observations first; the solve leaves out observations that do not agree with the reconstruction'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l max-iterations -d 'Most iterations, rejected ones included' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l max-iterations -d 'Maximum number of iterations, rejected ones included' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l loss -d 'Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l out -d 'Write the solved problem in the input\'s own format, with 17 digits' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l method -d 'Levenberg-Marquardt or Gauss-Newton' -r -f -a "lm\t'Levenberg-Marquardt'
 gn\t'Gauss-Newton'"
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l init -d 'Where the poses come from that the solve starts with' -r -f -a "given\t'The vertices of the file'
-odometry\t'Measurements strung together between consecutive ids; closures only where those end'
-spanning-tree\t'Measurements strung together, as few as possible to each vertex'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l init -d 'Initial poses of the solve' -r -f -a "given\t'The vertices of the file'
+odometry\t'Measurements between consecutive ids, chained; closures only where such a chain ends'
+spanning-tree\t'Measurements chained along a spanning tree, as few as possible to each vertex'
 chordal\t'Relaxed rotations, then positions'
 auto\t'The vertices of the file or the chordal start, whichever has the lower cost'"
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l robust -d 'Find false loop closures (edges between ids that are not consecutive) and leave them out: graduated non-convexity to truncated least squares or to Geman-McClure' -r -f -a "none\t'All closures are taken for true'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l robust -d 'Find false loop closures (edges between ids that are not consecutive) and leave them out: graduated non-convexity to truncated least squares or to Geman-McClure' -r -f -a "none\t'Trust all closures'
 gnc-tls\t'Truncated least squares'
 gnc-gm\t'Geman-McClure'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l robust-threshold -d 'Largest χ² of a true closure [default: the 99 % quantile, 11.3 in SE2 and 16.8 in SE3]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l trusted -d 'A loop closure that `--robust` takes for true, by the ids of its ends; may be repeated' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l trusted -d 'A loop closure that `--robust` must trust, by the ids of its two vertices; may be repeated' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l threads -d 'Worker threads for solves; results do not depend on their number [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l json -d 'Print one JSON object instead of a table'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l certify -d 'Start from the optimum of the chordal objective (SE-Sync\'s; no loss, isotropic weights) and prove that it is the global one. The cost that is then reached is not proved to be'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l repair-information -d 'Take the nearest positive semi-definite matrix for each information matrix that has negative eigenvalues, which is an error otherwise; --out writes them so'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l incremental -d 'Take the vertices one by one in id order, each with its edges to lower ids, and keep the estimate at its optimum after each; tells how long a step takes'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l certify -d 'Start from the optimum of SE-Sync\'s chordal objective (no loss, isotropic weights) and prove that it is the global one. The proof does not cover the cost that the solve then reaches'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l repair-information -d 'Replace each information matrix that has negative eigenvalues by the nearest positive semi-definite matrix; --out writes the replacements. Without this flag such a matrix is an error'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l incremental -d 'Add the vertices one by one in id order, each with its edges to lower ids, and optimize after each; reports how long a step takes'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "doctor" -d 'Look at a data directory without a server: verify, report, repair'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "backup" -d 'Copy a data directory, also while a server uses it'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "doctor" -d 'Check a data directory without a server: verify, report, repair'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "backup" -d 'Copy a data directory, even while a server uses it'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "convert" -d 'Write a file in another format: trajectories, bundle adjustment, pose graphs'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "eval" -d 'Compare trajectories: absolute (APE) or relative pose error (RPE)'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "fuse" -d 'Fuse recorded depth and color to a surface, at given poses'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "fuse" -d 'Fuse recorded depth and color images into a surface, at given poses'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "mesh" -d 'Write the surface of a stored volume as PLY or GLB'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "grid" -d 'Write the ground of a stored volume for navigation: occupancy (PGM, YAML) or distances (PFM)'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "bench-frontend" -d 'Measure the reference frontend on sequences with truth, with and without the mask'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "demo" -d 'Track a synthetic room in which people walk, with and without the mask, server included'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "synth" -d 'Write synthetic data with its truth'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "health" -d 'Tell whether a server serves; the exit code is 0 if it does'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "grid" -d 'Write a navigation grid from a stored volume: occupancy (PGM, YAML) or distances (PFM)'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "bench-frontend" -d 'Measure the reference frontend on sequences with ground truth, with and without the mask'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "demo" -d 'Track a camera in a synthetic room in which people walk, with and without the mask, on its own server'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "synth" -d 'Write synthetic data with ground truth'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "health" -d 'Check whether a server is ready; the exit code is 0 if it is'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "job" -d 'Submit, list, show, watch, cancel or delete the jobs of a server'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "load" -d 'Put a server under load: so many maps, each with a client that sends keyframes at a fixed rate'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "load" -d 'Put a server under load: several maps, each with a client that sends keyframes at a fixed rate'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "map" -d 'List, show, edit, freeze, export, import or delete the maps of a server'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "record" -d 'Record a map as MCAP, for Foxglove and Rerun'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "replay" -d 'Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the map'
@@ -767,24 +767,24 @@ complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_su
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "ape" -d 'Absolute pose error after SE(3) alignment'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a fixed time'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "mask" -d 'Intersection over union of masks of what moves, and what they mask falsely'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "truth" -d 'Write the true poses that lie beside recorded images as a TUM trajectory'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from synth" -f -a "rgbd" -d 'An RGB-D sequence of an indoor scene: rgb, depth, truth of the camera, masks of what moves'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "mask" -d 'Intersection over union of masks of moving objects, and the share that they mask falsely'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "truth" -d 'Write the ground-truth poses beside recorded images as a trajectory'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from synth" -f -a "rgbd" -d 'An RGB-D sequence of an indoor scene: color, depth, ground truth of the camera, masks of moving objects'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "submit" -d 'Create a job on a map of the server, or on files that are sent to it'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "list" -d 'List the jobs, the newest first'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "show" -d 'Show a job with its report'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "watch" -d 'Follow a job to its end: a line at each change'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "cancel" -d 'Ask a job to stop. What it would have changed stays as it was'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "delete" -d 'Forget a job that has ended, with its files'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "watch" -d 'Follow a job to its end and print a line at each change'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "cancel" -d 'Ask a job to stop without applying its result'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "delete" -d 'Delete a job that has ended, with its files'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from job" -f -a "fetch" -d 'Write the files that a job made: the report, solved problems, an export'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "list" -d 'List all maps'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "show" -d 'Show one map: counts, clients, bounds'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "closures" -d 'List where keyframes looked like earlier ones: the loop closures that the server added, and why others were refused'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "constraints" -d 'List the constraints of a map, and which of them are switched off'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "freeze" -d 'Freeze a map: it can be read and takes no changes until it is opened again'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "unfreeze" -d 'Open a frozen map again'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "edit" -d 'Change or remove what a map holds'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "merge" -d 'Make a map part of another one that shows the same places'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "freeze" -d 'Freeze a map: it can be read but not changed until you unfreeze it'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "unfreeze" -d 'Unfreeze a map, so that it can be changed again'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "edit" -d 'Change or remove content of a map'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "merge" -d 'Merge a map into another one that shows the same places'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "unmerge" -d 'Take a map out of the one that it was merged into'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "delete" -d 'Delete a map with its journal'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "export" -d 'Write a map to files'
