@@ -5,7 +5,7 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0 | `simd`: eight lanes of f64 for each instruction set; `lists`, `order` and `parallel`: lists by group, sorting, loops on the thread pool; [`interrupt`]: when work must end early |
+//! | 0 | [`simd`]: which instruction set kernels use, and eight lanes of f64 for each; `lists`, `order` and `parallel`: lists by group, sorting, loops on the thread pool; [`interrupt`]: when work must end early |
 //! | 1 | [`geometry`]: groups with their Jacobians, camera models; [`price`]: memory and work of a solve, known before it starts |
 //! | 2 | [`information`]: how certain a measurement is; [`loss`]: less weight for outliers |
 //! | 3 | [`factors`]: residuals with their Jacobians; `lanes`: camera models and losses, eight observations at a time |
@@ -51,7 +51,7 @@ pub mod problem;
 pub mod reconstruction;
 pub mod relative_motion;
 pub mod robust;
-mod simd;
+pub mod simd;
 pub mod similarity;
 #[cfg(feature = "testing")]
 pub mod testing;

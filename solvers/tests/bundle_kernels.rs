@@ -1,11 +1,12 @@
 //! The fused pass: every instruction set, camera model and linear solver takes the same steps.
 
-use covis_solvers::bundle_adjustment::{BundleSummary, Class, LinearSolver, Options, solve};
+use covis_solvers::bundle_adjustment::{BundleSummary, LinearSolver, Options, solve};
 use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::geometry::{Camera, KannalaBrandt, LieGroup, Snavely};
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::ignore_iterations;
 use covis_solvers::problem::BundleProblem;
+use covis_solvers::simd::Class;
 use covis_solvers::testing::random::{normal_vector, seeded};
 use covis_solvers::testing::scene::{Scene, SceneOptions};
 use nalgebra::Vector2;

@@ -3,7 +3,7 @@
 //!
 //! For the threads there are more observations than one chunk holds, so that chunks are summed too.
 
-use covis_solvers::bundle_adjustment::{BundleSummary, Class, LinearSolver, Options, solve};
+use covis_solvers::bundle_adjustment::{BundleSummary, LinearSolver, Options, solve};
 use covis_solvers::factors::Reprojection;
 use covis_solvers::geometry::{
     Camera, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely, So3,
@@ -11,6 +11,7 @@ use covis_solvers::geometry::{
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::ignore_iterations;
 use covis_solvers::problem::BundleProblem;
+use covis_solvers::simd::Class;
 use covis_solvers::testing::random::{normal_vector, seeded};
 use nalgebra::Vector3;
 use rand::RngExt;

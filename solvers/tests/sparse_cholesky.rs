@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::g2o::G2oGraph;
-use covis_solvers::linear::{BlockMatrix, BlockPattern, Cholesky, Class, LinearError};
+use covis_solvers::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
+use covis_solvers::simd::Class;
 use covis_solvers::testing::{lower_triangle, normal_equations};
 use faer::linalg::solvers::Solve;
 use faer::sparse::{SparseColMat, Triplet};

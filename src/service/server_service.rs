@@ -1,7 +1,7 @@
 //! `ServerService`: version, limits, durability, features. The health service reports whether the
 //! server is healthy. It reads the configuration and asks no engine.
 
-use covis_solvers::bundle_adjustment::Class;
+use covis_solvers::simd::Class;
 use tonic::{Request, Response, Status};
 
 use super::access::Caller;

@@ -56,7 +56,7 @@ use crate::optimizer::{
 };
 use crate::price::{Limits, Price};
 use crate::problem::{BundleProblem, SolveError};
-pub use crate::simd::Class;
+use crate::simd::Class;
 
 use eliminator::Kernels;
 use layout::Layout;

@@ -35,7 +35,6 @@ pub mod sparse;
 #[cfg(test)]
 mod tests;
 
-pub use crate::simd::Class;
 pub use cholesky::{Cholesky, Ordered};
 pub use dense::{DenseCholesky, dense_price};
 pub use error::LinearError;

@@ -25,7 +25,7 @@ use crate::loss::Loss;
 use crate::optimizer::{self, Observer, SolveSummary, minimize};
 use crate::price::Price;
 use crate::problem::SolveError;
-pub use crate::simd::Class;
+use crate::simd::Class;
 
 use observations::Observations;
 use system::{PoseSystem, Terms};

@@ -1,7 +1,7 @@
 //! Eight lanes of f64 under one name: AVX-512, AVX2 with FMA, NEON, or plain arrays.
 //!
-//! A kernel is written once over [`Lanes`] and compiled for each class; [`Class::detect`] picks the
-//! widest that the processor has, at run time. Every class has eight lanes, so that the order of
+//! A kernel is written once over `Lanes` and compiled for each class; [`Class::detect`] picks the
+//! widest that the processor has, at run time, or the one that [`VARIABLE`] names. Every class has eight lanes, so that the order of
 //! operations is the same everywhere; the classes with fused multiply-add give the same bits, the
 //! scalar one rounds products on their own. Nothing here knows what the numbers mean.
 
@@ -15,6 +15,18 @@ macro_rules! operations {
     )*};
 }
 
+/// An array of `count` values, each from its number, as a loop. A closure would do, but the compiler does
+/// not always inline `std::array::from_fn`, and then each operation becomes a call.
+macro_rules! each {
+    ($i:ident < $count:expr, $first:expr => $value:expr) => {{
+        let mut values = [$first; $count];
+        for $i in 0..$count {
+            values[$i] = $value;
+        }
+        values
+    }};
+}
+
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod scalar;
@@ -23,6 +35,7 @@ mod x86;
 
 use std::fmt;
 use std::ops::{Deref, DerefMut};
+use std::str::FromStr;
 use std::sync::LazyLock;
 
 pub(crate) use scalar::Scalar;
@@ -127,13 +140,21 @@ pub enum Class {
     Scalar,
 }
 
+/// The environment variable that names the class to use, so that one machine can measure all that it has.
+pub const VARIABLE: &str = "COVIS_SIMD";
+
 impl Class {
-    /// The widest class of this processor.
+    /// All classes, the widest first.
+    pub const ALL: [Self; 4] = [Self::Avx512, Self::Avx2, Self::Neon, Self::Scalar];
+
+    /// The class that [`VARIABLE`] names, or else the widest of this processor. The variable is read once;
+    /// a name that is unknown, or of a class that this processor lacks, changes nothing.
     #[must_use]
     pub fn detect() -> Self {
         static DETECTED: LazyLock<Class> = LazyLock::new(|| {
-            let mut widest = [Class::Avx512, Class::Avx2, Class::Neon].into_iter();
-            widest.find(|class| class.is_available()).unwrap_or(Class::Scalar)
+            let named = std::env::var(VARIABLE).ok().and_then(|name| name.parse().ok());
+            let mut classes = named.into_iter().chain(Class::ALL);
+            classes.find(|class| class.is_available()).unwrap_or(Class::Scalar)
         });
         *DETECTED
     }
@@ -164,6 +185,19 @@ impl Class {
             Self::Neon => kernel.run(neon::Neon),
             _ => kernel.run(Scalar),
         }
+    }
+}
+
+/// The name is none of a [`Class`].
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("the instruction sets are avx512, avx2, neon and scalar")]
+pub struct UnknownClass;
+
+impl FromStr for Class {
+    type Err = UnknownClass;
+
+    fn from_str(name: &str) -> Result<Self, UnknownClass> {
+        Self::ALL.into_iter().find(|class| class.to_string() == name).ok_or(UnknownClass)
     }
 }
 

@@ -5,7 +5,6 @@
 #![allow(unsafe_code, reason = "vector instructions that every aarch64 processor has")]
 
 use std::arch::aarch64::*;
-use std::array::from_fn;
 
 use super::{Lanes, Row, Subroutine, WIDTH};
 
@@ -26,7 +25,7 @@ impl Lanes for Neon {
     }
     #[inline(always)]
     fn load(self, x: &Row) -> Four {
-        from_fn(|i| unsafe { vld1q_f64(x.as_ptr().add(2 * i)) })
+        unsafe { each!(i < 4, vdupq_n_f64(0.0) => vld1q_f64(x.as_ptr().add(2 * i))) }
     }
     #[inline(always)]
     fn store(self, v: Four, x: &mut Row) {
@@ -35,26 +34,24 @@ impl Lanes for Neon {
         }
     }
     operations! {
-        add(a, b) = from_fn(|i| unsafe { vaddq_f64(a[i], b[i]) });
-        sub(a, b) = from_fn(|i| unsafe { vsubq_f64(a[i], b[i]) });
-        mul(a, b) = from_fn(|i| unsafe { vmulq_f64(a[i], b[i]) });
-        div(a, b) = from_fn(|i| unsafe { vdivq_f64(a[i], b[i]) });
-        sqrt(a) = from_fn(|i| unsafe { vsqrtq_f64(a[i]) });
-        max(a, b) = from_fn(|i| unsafe { vbslq_f64(vcgtq_f64(a[i], b[i]), a[i], b[i]) });
-        min(a, b) = from_fn(|i| unsafe { vbslq_f64(vcltq_f64(a[i], b[i]), a[i], b[i]) });
-        fma(a, b, c) = from_fn(|i| unsafe { vfmaq_f64(c[i], a[i], b[i]) });
-        fnma(a, b, c) = from_fn(|i| unsafe { vfmsq_f64(c[i], a[i], b[i]) });
+        add(a, b) = each!(i < 4, a[0] => unsafe { vaddq_f64(a[i], b[i]) });
+        sub(a, b) = each!(i < 4, a[0] => unsafe { vsubq_f64(a[i], b[i]) });
+        mul(a, b) = each!(i < 4, a[0] => unsafe { vmulq_f64(a[i], b[i]) });
+        div(a, b) = each!(i < 4, a[0] => unsafe { vdivq_f64(a[i], b[i]) });
+        sqrt(a) = each!(i < 4, a[0] => unsafe { vsqrtq_f64(a[i]) });
+        max(a, b) = each!(i < 4, a[0] => unsafe { vbslq_f64(vcgtq_f64(a[i], b[i]), a[i], b[i]) });
+        min(a, b) = each!(i < 4, a[0] => unsafe { vbslq_f64(vcltq_f64(a[i], b[i]), a[i], b[i]) });
+        fma(a, b, c) = each!(i < 4, a[0] => unsafe { vfmaq_f64(c[i], a[i], b[i]) });
+        fnma(a, b, c) = each!(i < 4, a[0] => unsafe { vfmsq_f64(c[i], a[i], b[i]) });
         select(mask, yes, no) =
-            from_fn(|i| unsafe { vbslq_f64(vcgtzq_f64(mask[i]), yes[i], no[i]) });
+            each!(i < 4, yes[0] => unsafe { vbslq_f64(vcgtzq_f64(mask[i]), yes[i], no[i]) });
     }
     #[inline(always)]
     fn transpose(self, r: [Four; WIDTH]) -> [Four; WIDTH] {
-        from_fn(|i| {
-            from_fn(|j| unsafe {
-                let (a, b) = (r[2 * j][i / 2], r[2 * j + 1][i / 2]);
-                if i % 2 == 0 { vzip1q_f64(a, b) } else { vzip2q_f64(a, b) }
-            })
-        })
+        each!(i < WIDTH, r[0] => each!(j < 4, r[0][0] => unsafe {
+            let (a, b) = (r[2 * j][i / 2], r[2 * j + 1][i / 2]);
+            if i % 2 == 0 { vzip1q_f64(a, b) } else { vzip2q_f64(a, b) }
+        }))
     }
     #[inline(never)]
     fn call<S: Subroutine<Self>>(self, work: S) -> S::Output {

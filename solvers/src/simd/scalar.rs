@@ -1,8 +1,6 @@
 //! Eight lanes in an array: the class that every processor has, and the twin that tests hold the
 //! others against. Products round before they are added. No intrinsics here.
 
-use std::array::from_fn;
-
 use super::{Lanes, Row, Subroutine, WIDTH};
 
 /// Needs nothing of the processor.
@@ -26,16 +24,16 @@ impl Lanes for Scalar {
         *x = v;
     }
     operations! {
-        add(a, b) = from_fn(|i| a[i] + b[i]);
-        sub(a, b) = from_fn(|i| a[i] - b[i]);
-        mul(a, b) = from_fn(|i| a[i] * b[i]);
-        div(a, b) = from_fn(|i| a[i] / b[i]);
-        sqrt(a) = a.map(f64::sqrt);
-        max(a, b) = from_fn(|i| if a[i] > b[i] { a[i] } else { b[i] });
-        min(a, b) = from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] });
-        fma(a, b, c) = from_fn(|i| a[i] * b[i] + c[i]);
-        fnma(a, b, c) = from_fn(|i| c[i] - a[i] * b[i]);
-        select(mask, yes, no) = from_fn(|i| if mask[i] > 0.0 { yes[i] } else { no[i] });
+        add(a, b) = each!(i < WIDTH, 0.0 => a[i] + b[i]);
+        sub(a, b) = each!(i < WIDTH, 0.0 => a[i] - b[i]);
+        mul(a, b) = each!(i < WIDTH, 0.0 => a[i] * b[i]);
+        div(a, b) = each!(i < WIDTH, 0.0 => a[i] / b[i]);
+        sqrt(a) = each!(i < WIDTH, 0.0 => a[i].sqrt());
+        max(a, b) = each!(i < WIDTH, 0.0 => if a[i] > b[i] { a[i] } else { b[i] });
+        min(a, b) = each!(i < WIDTH, 0.0 => if a[i] < b[i] { a[i] } else { b[i] });
+        fma(a, b, c) = each!(i < WIDTH, 0.0 => a[i] * b[i] + c[i]);
+        fnma(a, b, c) = each!(i < WIDTH, 0.0 => c[i] - a[i] * b[i]);
+        select(mask, yes, no) = each!(i < WIDTH, 0.0 => if mask[i] > 0.0 { yes[i] } else { no[i] });
     }
     #[inline(always)]
     fn fnma_one(self, a: f64, b: f64, c: f64) -> f64 {
@@ -43,7 +41,7 @@ impl Lanes for Scalar {
     }
     #[inline(always)]
     fn transpose(self, rows: [Row; WIDTH]) -> [Row; WIDTH] {
-        from_fn(|i| from_fn(|j| rows[j][i]))
+        each!(i < WIDTH, [0.0; WIDTH] => each!(j < WIDTH, 0.0 => rows[j][i]))
     }
     #[inline(never)]
     fn call<S: Subroutine<Self>>(self, work: S) -> S::Output {

@@ -4,8 +4,9 @@
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{Method, Termination, Tolerance, ignore_iterations};
-use covis_solvers::pose_refinement::{Class, Options, PointObservation, Refined, refine};
+use covis_solvers::pose_refinement::{Options, PointObservation, Refined, refine};
 use covis_solvers::problem::SolveError;
+use covis_solvers::simd::Class;
 use covis_solvers::testing::random::{normal_vector, seeded};
 use nalgebra::{SMatrix, SVector, Vector2};
 

@@ -7,8 +7,9 @@ use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::ignore_iterations;
-use covis_solvers::pose_refinement::{Class, Options, PointObservation, Prior, Refined, refine};
+use covis_solvers::pose_refinement::{Options, PointObservation, Prior, Refined, refine};
 use covis_solvers::problem::SolveError;
+use covis_solvers::simd::Class;
 use covis_solvers::testing::random::{element, normal_vector, seeded, uniform_vector};
 use nalgebra::{SVector, Vector2, Vector3};
 

@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 use clap::builder::{BoolishValueParser, ValueParser};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
+use covis_solvers::simd;
 
 use crate::client::Token;
 
@@ -82,6 +83,16 @@ impl Environment {
     }
 }
 
+/// Whether kernels can use the instruction set that the variable names.
+fn check_simd(value: &str) -> Result<(), ConfigError> {
+    let is_available = value.parse().is_ok_and(simd::Class::is_available);
+    let available = simd::Class::ALL.into_iter().filter(|class| class.is_available());
+    let available = available.map(|class| class.to_string()).collect::<Vec<_>>().join(", ");
+    let (name, value) = (format!("environment variable {}", simd::VARIABLE), value.to_owned());
+    let expected = format!("an instruction set of this processor ({available})");
+    is_available.then_some(()).ok_or(ConfigError::Value { name, value, expected })
+}
+
 impl Config {
     /// Lays `flags` over `environment` over the file over the defaults. `file` is what `--config`
     /// names. Returns the warnings as well, one sentence each.
@@ -111,6 +122,8 @@ impl Config {
                 }
                 (None, "COVIS_CONFIG") => file = file.or(Some(value.into())),
                 (None, "COVIS_TOKEN") => token = Some(Token::new(&value)),
+                // The solvers read it themselves, and pass over what they cannot follow.
+                (None, simd::VARIABLE) => check_simd(&value)?,
                 #[cfg(feature = "faults")]
                 (None, "COVIS_TEST_FAULT") => test_fault = Some(value),
                 (None, _) if name.starts_with("COVIS_TEST_") => {}

@@ -41,6 +41,20 @@ fn the_environment_may_name_the_file() {
 }
 
 #[test]
+fn an_instruction_set_that_the_processor_lacks_is_an_error() {
+    let load = |name| Config::load(Texts::new(), None, environment(&[("COVIS_SIMD", name)]));
+    let (config, warnings) = load("scalar").unwrap();
+    assert_eq!((config, warnings.len()), (Config::default(), 0));
+    let foreign = if cfg!(target_arch = "aarch64") { "avx2" } else { "neon" };
+    for name in ["sse", foreign] {
+        let text = load(name).unwrap_err().to_string();
+        let start = "environment variable COVIS_SIMD: an instruction set of this processor (";
+        assert!(text.starts_with(start) && text.contains("scalar"), "{text}");
+        assert!(text.ends_with(&format!("is needed, not `{name}`")), "{text}");
+    }
+}
+
+#[test]
 fn an_unknown_variable_warns_and_a_switch_of_the_tests_does_not() {
     let variables = [("COVIS_THREDS", "3"), ("COVIS_TEST_DATA", "x"), ("COVIS_TEST_FAULT", "f")];
     let (config, warnings) = Config::load(Texts::new(), None, environment(&variables)).unwrap();

@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use covis_solvers::bundle_adjustment::{Class, LinearSolver};
+use covis_solvers::bundle_adjustment::LinearSolver;
 use covis_solvers::evaluation::{
     CostReport, FactorCost, Quantity, ResidualStatistics, SigmaJudgment,
 };
@@ -16,6 +16,7 @@ use covis_solvers::optimizer::{
 };
 use covis_solvers::reconstruction::Scale;
 use covis_solvers::robust::Kernel;
+use covis_solvers::simd::Class;
 
 use super::{Path, Violations, count, small};
 use crate::map::{ClosureRobustness, Held, Reason};
