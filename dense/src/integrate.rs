@@ -13,7 +13,9 @@ use rayon::prelude::*;
 
 use super::block::{DISTANCE_ONE, WEIGHT_ONE};
 use super::fuse::{Frame, Outcome};
-use super::lanes::{Class, Kernel, Lanes};
+use covis_solvers::simd::Class;
+
+use super::lanes::{self, Kernel, Lanes};
 use super::pages::PageError;
 use super::pixels::{self, BAND, PackBand, Scratch, Source, dilated};
 use super::rays::{RayBlocks, Rays};
@@ -251,7 +253,10 @@ impl Integrator {
         bands.enumerate().for_each(|(band, (out, tiles))| {
             let first_row = band * BAND;
             let mut scratch = scratches().pop().unwrap_or_else(|| Scratch::new(width));
-            self.class.run(PackBand { source, first_row, scratch: &mut scratch, out, tiles });
+            lanes::run(
+                self.class,
+                PackBand { source, first_row, scratch: &mut scratch, out, tiles },
+            );
             rays.mark(first_row, &scratch, tiles);
             scratches().push(scratch);
         });
@@ -290,14 +295,17 @@ impl Integrator {
         };
         let (frame, visibility, tiles) = (&frame, &visibility, &self.tiles);
         volume.pieces_mut(PIECE).for_each(|piece| {
-            self.class.run(FusePiece {
-                frame,
-                visibility,
-                tiles,
-                truncation_m: measures.truncation_m,
-                revision,
-                piece,
-            });
+            lanes::run(
+                self.class,
+                FusePiece {
+                    frame,
+                    visibility,
+                    tiles,
+                    truncation_m: measures.truncation_m,
+                    revision,
+                    piece,
+                },
+            );
         });
     }
 }

@@ -1,11 +1,15 @@
 //! Loops compiled for wider vectors than every processor has.
 //!
 //! A kernel is written once, as plain loops over slices; the compiler makes vectors of them, of 128
-//! bits for any x86-64 processor and of 256 bits where it has AVX2. Products and sums are never fused
+//! bits for any x86-64 processor and of 256 bits where it has AVX2 and the solvers' [`Class`] is not the
+//! scalar one. Products and sums are never fused
 //! and keep their order, so that results have the same bits everywhere. This file has
 //! the only `unsafe` of the frontend. Knows nothing of what kernels compute.
 
 #![allow(unsafe_code, reason = "instructions of a processor that was asked for them")]
+
+#[cfg(target_arch = "x86_64")]
+use covis_solvers::simd::Class;
 
 /// Work that is compiled for several processors. `run` must be `#[inline(always)]`, and so must what
 /// it calls in its loops.
@@ -24,8 +28,8 @@ pub fn run<K: Kernel>(kernel: K) -> K::Output {
         fn compiled<K: Kernel>(kernel: K) -> K::Output {
             kernel.run()
         }
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor was asked.
+        if matches!(Class::detect(), Class::Avx512 | Class::Avx2) {
+            // SAFETY: the processor was asked, and both classes have AVX2.
             return unsafe { compiled(kernel) };
         }
     }

@@ -1,15 +1,16 @@
-//! Vectors of sixteen lanes: AVX-512, or plain arrays that the compiler vectorizes for the processor.
+//! Vectors of sixteen lanes: AVX-512, AVX2, or plain arrays that the compiler vectorizes.
 //!
-//! A kernel is written once over [`Lanes`] and compiled for each class; [`Class::detect`] picks the
-//! widest that the processor has. All classes give the same bits: where products are fused with sums,
+//! A kernel is written once over [`Lanes`] and compiled for each class of the solvers' [`Class`]. All classes give the same bits: where products are fused with sums,
 //! they are in all. Nothing here knows what the numbers mean.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 #[cfg(test)]
 mod tests;
-#[cfg(target_arch = "x86_64")]
-mod x86;
 
-use std::array::from_fn;
+use covis_solvers::simd::Class;
 
 /// How many lanes a vector has.
 pub(super) const WIDTH: usize = 16;
@@ -126,58 +127,28 @@ pub(super) trait Kernel {
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
-/// An instruction set that kernels are compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Class {
-    /// 512-bit vectors.
-    Avx512,
-    /// 256-bit vectors.
-    Avx2,
-    /// What every processor of the target has.
-    Plain,
+/// Runs `kernel` in this class, or in a narrower one where the processor lacks it.
+pub(super) fn run<K: Kernel>(class: Class, kernel: K) -> K::Output {
+    match class {
+        #[cfg(target_arch = "x86_64")]
+        Class::Avx512 if let Some(lanes) = avx512::Avx512::new() => lanes.run(kernel),
+        #[cfg(target_arch = "x86_64")]
+        Class::Avx512 | Class::Avx2 if let Some(lanes) = avx2::Avx2::new() => lanes.run(kernel),
+        // Arrays become vectors of NEON, which every aarch64 processor has.
+        Class::Avx512 | Class::Avx2 | Class::Neon | Class::Scalar => kernel.run(Arrays),
+    }
 }
 
-impl Class {
-    /// All classes, the widest first.
-    pub(super) const ALL: [Self; 3] = [Self::Avx512, Self::Avx2, Self::Plain];
-
-    /// The widest class of this processor.
-    #[must_use]
-    pub(super) fn detect() -> Self {
-        Self::ALL.into_iter().find(|class| class.is_available()).unwrap_or(Self::Plain)
-    }
-
-    /// Whether this processor has it.
-    #[must_use]
-    pub(super) fn is_available(self) -> bool {
-        match self {
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => x86::Avx512::new().is_some(),
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => x86::Avx2::new().is_some(),
-            #[cfg(not(target_arch = "x86_64"))]
-            Self::Avx512 | Self::Avx2 => false,
-            Self::Plain => true,
+/// The same of all lanes, as a loop. A closure would do, but the compiler does not always inline
+/// `std::array::from_fn`, and then each operation becomes a call.
+macro_rules! each {
+    ($i:ident => $value:expr) => {{
+        let mut lanes = [Default::default(); WIDTH];
+        for $i in 0..WIDTH {
+            lanes[$i] = $value;
         }
-    }
-
-    /// Runs `kernel` in this class, or in the plain one where the processor lacks it.
-    pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if self == Self::Avx512
-                && let Some(lanes) = x86::Avx512::new()
-            {
-                return lanes.run(kernel);
-            }
-            if self != Self::Plain
-                && let Some(lanes) = x86::Avx2::new()
-            {
-                return lanes.run(kernel);
-            }
-        }
-        kernel.run(Arrays)
-    }
+        lanes
+    }};
 }
 
 /// What every processor has: loops of a fixed length, which the compiler vectorizes for what the
@@ -202,52 +173,52 @@ impl Lanes for Arrays {
         splat_int(x: i32) -> I = [x; WIDTH];
         load(x: &F) -> F = *x;
         store(v: F, x: &mut F) = *x = v;
-        add(a: F, b: F) -> F = from_fn(|i| a[i] + b[i]);
-        sub(a: F, b: F) -> F = from_fn(|i| a[i] - b[i]);
-        mul(a: F, b: F) -> F = from_fn(|i| a[i] * b[i]);
-        fma(a: F, b: F, c: F) -> F = from_fn(|i| a[i].mul_add(b[i], c[i]));
-        fnma(a: F, b: F, c: F) -> F = from_fn(|i| (-a[i]).mul_add(b[i], c[i]));
-        div(a: F, b: F) -> F = from_fn(|i| a[i] / b[i]);
-        to_bits(a: F) -> I = from_fn(|i| a[i].to_bits().cast_signed());
-        of_bits(a: I) -> F = from_fn(|i| f32::from_bits(a[i].cast_unsigned()));
-        min(a: F, b: F) -> F = from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] });
-        max(a: F, b: F) -> F = from_fn(|i| if a[i] > b[i] { a[i] } else { b[i] });
-        abs(a: F) -> F = from_fn(|i| a[i].abs());
-        truncate(a: F) -> I = from_fn(|i| a[i] as i32);
-        round(a: F) -> I = from_fn(|i| {
+        add(a: F, b: F) -> F = each!(i => a[i] + b[i]);
+        sub(a: F, b: F) -> F = each!(i => a[i] - b[i]);
+        mul(a: F, b: F) -> F = each!(i => a[i] * b[i]);
+        fma(a: F, b: F, c: F) -> F = each!(i => a[i].mul_add(b[i], c[i]));
+        fnma(a: F, b: F, c: F) -> F = each!(i => (-a[i]).mul_add(b[i], c[i]));
+        div(a: F, b: F) -> F = each!(i => a[i] / b[i]);
+        to_bits(a: F) -> I = each!(i => a[i].to_bits().cast_signed());
+        of_bits(a: I) -> F = each!(i => f32::from_bits(a[i].cast_unsigned()));
+        min(a: F, b: F) -> F = each!(i => if a[i] < b[i] { a[i] } else { b[i] });
+        max(a: F, b: F) -> F = each!(i => if a[i] > b[i] { a[i] } else { b[i] });
+        abs(a: F) -> F = each!(i => a[i].abs());
+        truncate(a: F) -> I = each!(i => a[i] as i32);
+        round(a: F) -> I = each!(i => {
             (a[i] + NO_FRACTION).to_bits().wrapping_sub(NO_FRACTION.to_bits()).cast_signed()
         });
-        float(a: I) -> F = from_fn(|i| a[i] as f32);
-        less(a: F, b: F) -> M = from_fn(|i| a[i] < b[i]);
-        at_most(a: F, b: F) -> M = from_fn(|i| a[i] <= b[i]);
-        select(mask: M, yes: F, no: F) -> F = from_fn(|i| if mask[i] { yes[i] } else { no[i] });
-        select_int(mask: M, yes: I, no: I) -> I = from_fn(|i| if mask[i] { yes[i] } else { no[i] });
-        add_int(a: I, b: I) -> I = from_fn(|i| a[i].wrapping_add(b[i]));
-        sub_int(a: I, b: I) -> I = from_fn(|i| a[i].wrapping_sub(b[i]));
-        mul_int(a: I, b: I) -> I = from_fn(|i| a[i].wrapping_mul(b[i]));
-        min_int(a: I, b: I) -> I = from_fn(|i| a[i].min(b[i]));
-        max_int(a: I, b: I) -> I = from_fn(|i| a[i].max(b[i]));
-        and_int(a: I, b: I) -> I = from_fn(|i| a[i] & b[i]);
-        or_int(a: I, b: I) -> I = from_fn(|i| a[i] | b[i]);
-        shift_up<N>(a: I) -> I = from_fn(|i| a[i] << N);
-        shift_down<N>(a: I) -> I = from_fn(|i| (a[i].cast_unsigned() >> N).cast_signed());
-        shift_down_signed<N>(a: I) -> I = from_fn(|i| a[i] >> N);
-        above_int(a: I, b: I) -> M = from_fn(|i| a[i] > b[i]);
-        below_int(a: I, b: I) -> M = from_fn(|i| a[i].cast_unsigned() < b[i].cast_unsigned());
-        differ_int(a: I, b: I) -> M = from_fn(|i| a[i] != b[i]);
-        both(a: M, b: M) -> M = from_fn(|i| a[i] & b[i]);
-        either(a: M, b: M) -> M = from_fn(|i| a[i] | b[i]);
-        but_not(a: M, b: M) -> M = from_fn(|i| a[i] & !b[i]);
+        float(a: I) -> F = each!(i => a[i] as f32);
+        less(a: F, b: F) -> M = each!(i => a[i] < b[i]);
+        at_most(a: F, b: F) -> M = each!(i => a[i] <= b[i]);
+        select(mask: M, yes: F, no: F) -> F = each!(i => if mask[i] { yes[i] } else { no[i] });
+        select_int(mask: M, yes: I, no: I) -> I = each!(i => if mask[i] { yes[i] } else { no[i] });
+        add_int(a: I, b: I) -> I = each!(i => a[i].wrapping_add(b[i]));
+        sub_int(a: I, b: I) -> I = each!(i => a[i].wrapping_sub(b[i]));
+        mul_int(a: I, b: I) -> I = each!(i => a[i].wrapping_mul(b[i]));
+        min_int(a: I, b: I) -> I = each!(i => a[i].min(b[i]));
+        max_int(a: I, b: I) -> I = each!(i => a[i].max(b[i]));
+        and_int(a: I, b: I) -> I = each!(i => a[i] & b[i]);
+        or_int(a: I, b: I) -> I = each!(i => a[i] | b[i]);
+        shift_up<N>(a: I) -> I = each!(i => a[i] << N);
+        shift_down<N>(a: I) -> I = each!(i => (a[i].cast_unsigned() >> N).cast_signed());
+        shift_down_signed<N>(a: I) -> I = each!(i => a[i] >> N);
+        above_int(a: I, b: I) -> M = each!(i => a[i] > b[i]);
+        below_int(a: I, b: I) -> M = each!(i => a[i].cast_unsigned() < b[i].cast_unsigned());
+        differ_int(a: I, b: I) -> M = each!(i => a[i] != b[i]);
+        both(a: M, b: M) -> M = each!(i => a[i] & b[i]);
+        either(a: M, b: M) -> M = each!(i => a[i] | b[i]);
+        but_not(a: M, b: M) -> M = each!(i => a[i] & !b[i]);
         any(a: M) -> bool = a.iter().fold(false, |any, &lane| any | lane);
         all(a: M) -> bool = a.iter().fold(true, |all, &lane| all & lane);
-        load_i16(x: &[i16; WIDTH]) -> I = from_fn(|i| i32::from(x[i]));
-        store_i16(v: I, x: &mut [i16; WIDTH]) = *x = from_fn(|i| v[i] as i16);
-        load_u16(x: &[u16; WIDTH]) -> I = from_fn(|i| i32::from(x[i]));
-        store_u16(v: I, x: &mut [u16; WIDTH]) = *x = from_fn(|i| v[i] as u16);
-        load_bytes(x: &[[u8; 4]; WIDTH]) -> I = from_fn(|i| i32::from_le_bytes(x[i]));
-        store_bytes(v: I, x: &mut [[u8; 4]; WIDTH]) = *x = from_fn(|i| v[i].to_le_bytes());
+        load_i16(x: &[i16; WIDTH]) -> I = each!(i => i32::from(x[i]));
+        store_i16(v: I, x: &mut [i16; WIDTH]) = *x = each!(i => v[i] as i16);
+        load_u16(x: &[u16; WIDTH]) -> I = each!(i => i32::from(x[i]));
+        store_u16(v: I, x: &mut [u16; WIDTH]) = *x = each!(i => v[i] as u16);
+        load_bytes(x: &[[u8; 4]; WIDTH]) -> I = each!(i => i32::from_le_bytes(x[i]));
+        store_bytes(v: I, x: &mut [[u8; 4]; WIDTH]) = *x = each!(i => v[i].to_le_bytes());
         load_colors(x: &[[u8; 3]; WIDTH]) -> I =
-            from_fn(|i| i32::from_le_bytes([x[i][0], x[i][1], x[i][2], 0]));
+            each!(i => i32::from_le_bytes([x[i][0], x[i][1], x[i][2], 0]));
     }
 
     #[inline(always)]
@@ -255,22 +226,22 @@ impl Lanes for Arrays {
 
     #[inline(always)]
     fn gather(self, table: &[u64], index: I, mask: M) -> (I, I) {
-        let found: [u64; WIDTH] = from_fn(|i| {
+        let found: [u64; WIDTH] = each!(i => {
             let entry = table.get(index[i].cast_unsigned() as usize).copied().unwrap_or(0);
             if mask[i] { entry } else { 0 }
         });
-        (from_fn(|i| found[i] as u32 as i32), from_fn(|i| (found[i] >> 32) as u32 as i32))
+        (each!(i => found[i] as u32 as i32), each!(i => (found[i] >> 32) as u32 as i32))
     }
 
     #[inline(always)]
     fn store_pairs(self, low: I, high: I, x: &mut [u64; WIDTH]) {
         let half = |value: i32| u64::from(value.cast_unsigned());
-        *x = from_fn(|i| half(low[i]) | half(high[i]) << 32);
+        *x = each!(i => half(low[i]) | half(high[i]) << 32);
     }
 
     #[inline(always)]
     fn color_difference(self, a: I, b: I) -> I {
-        from_fn(|i| {
+        each!(i => {
             let channel = |k: u32| (((a[i] >> k) & 255) - ((b[i] >> k) & 255)).abs();
             channel(0) + 2 * channel(8) + channel(16)
         })

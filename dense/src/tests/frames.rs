@@ -8,8 +8,8 @@ use super::{fuse, volume};
 use crate::block::{BlockKey, DISTANCE_ONE};
 use crate::image::Image;
 use crate::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
-use crate::lanes::Class;
 use crate::volume::{Volume, VolumeOptions};
+use covis_solvers::simd::Class;
 
 fn same(a: &Volume, b: &Volume) -> bool {
     a.keys() == b.keys() && a.states() == b.states() && a.blocks().iter().eq(b.blocks().iter())
@@ -34,7 +34,7 @@ fn fused(threads: usize, class: Class, lens: bool) -> Volume {
 #[test]
 fn bits_do_not_depend_on_threads_or_vectors() {
     for lens in [false, true] {
-        let reference = fused(1, Class::Plain, lens);
+        let reference = fused(1, Class::Scalar, lens);
         assert!(reference.len() > 100);
         for class in Class::ALL.into_iter().filter(|class| class.is_available()) {
             for threads in [1, 2, 3] {

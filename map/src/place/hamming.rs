@@ -5,6 +5,9 @@
 
 #![allow(unsafe_code, reason = "an instruction of a processor that was asked for it")]
 
+#[cfg(target_arch = "x86_64")]
+use covis_solvers::simd::Class;
+
 /// Work that is compiled with and without the instruction. `run` must be `#[inline(always)]`, and so
 /// must what it calls in its loops.
 pub(super) trait Kernel {
@@ -22,7 +25,7 @@ pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
         fn compiled<K: Kernel>(kernel: K) -> K::Output {
             kernel.run()
         }
-        if is_x86_feature_detected!("popcnt") {
+        if Class::detect() != Class::Scalar && is_x86_feature_detected!("popcnt") {
             // SAFETY: the processor was asked.
             return unsafe { compiled(kernel) };
         }
@@ -95,7 +98,7 @@ impl Blocks {
 #[inline(always)]
 pub(super) fn ranked(a: &[u64], number: usize, b: &Blocks, nearest: &mut [Row]) -> [Row; 2] {
     #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vpopcntdq") {
+    if Class::detect() == Class::Avx512 && is_x86_feature_detected!("avx512vpopcntdq") {
         // SAFETY: the processor was asked.
         return unsafe { avx512::ranked(a, number, b, nearest) };
     }

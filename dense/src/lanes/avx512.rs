@@ -1,6 +1,6 @@
-//! AVX-512, and AVX2 by way of arrays.
+//! AVX-512: sixteen lanes in a vector.
 //!
-//! This file has the only `unsafe` of the crate: a value of [`Avx512`] or [`Avx2`] exists only after the
+//! This file and `avx2` have the only `unsafe` of the crate: a value of [`Avx512`] exists only after the
 //! processor was asked, so that the instructions behind its methods are there.
 
 #![allow(unsafe_code, reason = "vector instructions; each block says why it is sound")]
@@ -11,15 +11,11 @@
 
 use std::arch::x86_64::*;
 
-use super::{Arrays, Kernel, Lanes, WIDTH, operations};
+use super::{Kernel, Lanes, WIDTH, operations};
 
 /// Proof that the processor has AVX-512 F, BW, DQ and VL.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Avx512(());
-
-/// Proof that the processor has AVX2 and FMA.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Avx2(());
 
 impl Avx512 {
     pub(super) fn new() -> Option<Self> {
@@ -40,18 +36,13 @@ impl Avx512 {
     }
 }
 
-impl Avx2 {
-    pub(super) fn new() -> Option<Self> {
-        (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
-    }
-
-    pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        #[target_feature(enable = "avx2,fma")]
-        fn compiled<K: Kernel>(kernel: K) -> K::Output {
-            kernel.run(Arrays)
-        }
-        // Sound: `self` proves that the processor has these features.
-        unsafe { compiled(kernel) }
+/// Prefetches data that is needed soon.
+#[inline(always)]
+pub(super) fn prefetch<T>(x: &T) {
+    for line in (0..size_of::<T>()).step_by(64) {
+        let line = std::ptr::from_ref(x).cast::<i8>().wrapping_add(line);
+        // Sound whatever the pointer: nothing is read.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(line) }
     }
 }
 
@@ -83,11 +74,7 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     fn prefetch<T>(self, x: &T) {
-        for line in (0..size_of::<T>()).step_by(64) {
-            let line = std::ptr::from_ref(x).cast::<i8>().wrapping_add(line);
-            // Sound whatever the pointer: nothing is read.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(line) }
-        }
+        prefetch(x);
     }
 
     operations! {
