@@ -112,7 +112,7 @@ fn frames_without_a_pose_are_skipped_and_bad_wishes_are_named() {
         ("fuse tum:seq --poses ends.txt --max-depth nan --out b", "--max-depth"),
         ("mesh a/volume.covis a.obj", "must end in .ply or .glb"),
         ("grid a/volume.covis a.png", "must end in .pgm or .pfm"),
-        ("grid a/volume.covis a.pgm --up 0,0,0", "no direction"),
+        ("grid a/volume.covis a.pgm --up 0,0,0", "not a direction"),
         ("mesh nothing.covis a.ply", "nothing.covis"),
     ] {
         let said = failure(&workspace, arguments);

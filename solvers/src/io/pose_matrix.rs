@@ -123,6 +123,6 @@ mod tests {
         }
         assert!(error("1 0 0 0\n0 1 0").contains("line 2: element (1, 3) is missing"));
         assert!(error("1 0 0 x").contains("element (0, 3) cannot be `x`"));
-        assert!(error(&"0 ".repeat(17)).contains("`0` follows"));
+        assert!(error(&"0 ".repeat(17)).contains("unexpected `0`"));
     }
 }

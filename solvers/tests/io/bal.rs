@@ -110,7 +110,7 @@ fn bad_files_are_refused_by_line_and_field() {
         (SMALL.replace("500", "1e999"), &["line 11", "camera 0[6] is not finite"]),
         (SMALL.replace("5 6", "5 -inf"), &["line 16", "point 1[2] is not finite"]),
         (SMALL.replace("4\n5 6\n", "4\n5\n"), &["line 17", "point 1[2] is missing"]),
-        (format!("{SMALL}\n7 8\n"), &["line 18", "`7` follows"]),
+        (format!("{SMALL}\n7 8\n"), &["line 18", "unexpected `7`"]),
         (SMALL.replace("500", "\u{1}\u{2}"), &["line 11", "camera 0[6]", "`??`"]),
     ];
     for (text, parts) in table {

@@ -71,8 +71,8 @@ fn bad_files_are_refused_by_line_and_field() {
         (SMALL.replace(point, "0 0 0\n256 0 0\n0\n"), &["line 14", "red", "`256`"]),
         (SMALL.replace("1 1 7 5 10", "9 1 7 5 10"), &["line 15", "view count says 9"]),
         (SMALL.replace("1 1 7 5 10", "1 0 7 5 10"), &["line 15", "reconstructed camera 0"]),
-        (SMALL.replace("1 1 7 5 10", "1 1 7 5 10 3"), &["line 15", "`3` follows"]),
-        (format!("{SMALL}7\n"), &["`7` follows"]),
+        (SMALL.replace("1 1 7 5 10", "1 1 7 5 10 3"), &["line 15", "unexpected `3`"]),
+        (format!("{SMALL}7\n"), &["unexpected `7`"]),
     ];
     for (text, parts) in table {
         refused(parse(text), parts);

@@ -244,7 +244,7 @@ fn bad_binary_is_refused_by_byte_and_field() {
     refuse(0, &|b| set(0, &huge, b), &["byte 0", "camera count says 18446744073709551615"]);
     refuse(0, &|b| set(12, &[99], b), &["byte 8", "camera model", "`99`"]);
     refuse(0, &|b| b.truncate(b.len() - 1), &["parameter[2] is missing"]);
-    refuse(0, &|b| b.push(0), &["`1 bytes` follows"]);
+    refuse(0, &|b| b.push(0), &["unexpected `1 bytes`"]);
     refuse(1, &|b| set(12, &[0; 32], b), &["images.bin, byte 8", "norm 0"]);
     refuse(1, &|b| set(44, &f64::NAN.to_le_bytes(), b), &["byte 44", "translation[0]"]);
     let name_end = 8 + 4 + 56 + 4 + "view 10.png".len() + 1;

@@ -141,7 +141,7 @@ fn bad_lines_are_refused_by_line_and_field() {
         (String::new(), &["graph.g2o", "no vertex or edge"]),
         ("VERTEX_XY 1 2 3\n".into(), &["line 1", "unknown tag `VERTEX_XY`"]),
         (SE2.replace("0.25", ""), &["line 4", "pose[2] is missing"]),
-        (SE2.replace("0.25", "0.25 9"), &["line 4", "`9` follows"]),
+        (SE2.replace("0.25", "0.25 9"), &["line 4", "unexpected `9`"]),
         (SE2.replace("0.25", "NaN"), &["line 4", "pose[2] is not finite"]),
         (SE2.replace("SE2 3 1", "SE2 7 1"), &["line 4", "vertex 7 occurs twice"]),
         (SE2.replace("SE2 3 1", "SE2 x 1"), &["line 4", "vertex id", "`x`"]),

@@ -45,7 +45,7 @@ fn real_trajectories_survive() {
 fn bad_lines_are_refused_by_line_and_field() {
     let table: &[(&str, &[&str])] = &[
         ("1 2 3\n", &["t.txt, line 1", "translation[2] is missing"]),
-        ("#\n1 2 3 4 0 0 0 1 5\n", &["line 2", "`5` follows"]),
+        ("#\n1 2 3 4 0 0 0 1 5\n", &["line 2", "unexpected `5`"]),
         ("1 2 3 4 0 0 0 0\n", &["line 1", "norm 0"]),
         ("1 2 3 4 0 0 1 1\n", &["line 1", "norm 1.41"]),
         ("1 2 nan 4 0 0 0 1\n", &["line 1", "translation[1] is not finite"]),
@@ -85,7 +85,7 @@ fn bad_lines_of_kitti_and_euroc_are_refused_by_line_and_field() {
     let (kitti, euroc) = (TrajectoryFormat::Kitti, TrajectoryFormat::Euroc);
     let table: &[(TrajectoryFormat, &str, &[&str])] = &[
         (kitti, "1 0 0 5 0 0 -1 6 0 1 0\n", &["t.txt, line 1", "row 2[3] is missing"]),
-        (kitti, "#\n1 0 0 5 0 0 -1 6 0 1 0 7 8\n", &["line 2", "`8` follows"]),
+        (kitti, "#\n1 0 0 5 0 0 -1 6 0 1 0 7 8\n", &["line 2", "unexpected `8`"]),
         (kitti, "1 0 0 5 0 0 1 6 0 1 0 7\n", &["line 1", "not a rigid motion"]),
         (kitti, "1 0 0 x 0 0 -1 6 0 1 0 7\n", &["line 1", "row 0[3]", "`x`"]),
         (euroc, "1,2,3\n", &["line 1", "position[2] is missing"]),
@@ -108,7 +108,7 @@ fn times_beside_a_kitti_file_are_one_a_line() {
     fs_err::write(&path, "0.000000e+00\n1.037e-01\n").unwrap();
     assert_eq!(read_times(&path).unwrap(), [0.0, 0.1037]);
     fs_err::write(&path, "0 1\n").unwrap();
-    refused(read_times(&path), &["times.txt, line 1", "`1` follows"]);
+    refused(read_times(&path), &["times.txt, line 1", "unexpected `1`"]);
 }
 
 /// Poses in TUM's columns, each number between `separator`s.
