@@ -17,6 +17,7 @@ mod free_parameters;
 mod geometry;
 mod io;
 mod linear;
+mod linear_solver_choice;
 mod marginalization;
 mod pose_graph;
 mod pose_refinement;

@@ -700,7 +700,7 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l free-intrinsics -d 'Intrinsics to optimize, where the camera\'s model has them: a list with commas' -r -f -a "focal-length\t'One or two focal lengths, depending on the model'
 principal-point\t'The principal point'
 distortion\t'The coefficients of the distortion'"
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l linear-solver -d 'How the reduced camera system is stored and factored' -r -f -a "auto\t'Chosen to suit the problem'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l linear-solver -d 'How the reduced camera system is stored and factored' -r -f -a "auto\t'The cheapest by its cost, which may change during a solve'
 dense-schur\t'A dense factorization'
 sparse-schur\t'A sparse factorization'
 iterative-schur\t'Conjugate gradients, without a factorization'"

@@ -18,7 +18,7 @@ use super::reduce::{ReducedVectors, Reduction};
 use super::sorted::{GROUPS, split};
 use crate::geometry::Camera;
 use crate::interrupt::Interrupt;
-use crate::linear::{BlockMatrix, LinearError};
+use crate::linear::{BlockMatrix, LinearError, Solved};
 use crate::parallel;
 use crate::problem::BundleProblem;
 use crate::simd::Class;
@@ -58,7 +58,7 @@ pub(super) trait Eliminator: Send {
     );
 
     /// Solves the reduced system of the last elimination by conjugate gradients, of which
-    /// `diagonal` has the diagonal blocks; returns the relative residual.
+    /// `diagonal` has the diagonal blocks.
     ///
     /// # Errors
     /// As [`Iterative::solve`].
@@ -68,7 +68,7 @@ pub(super) trait Eliminator: Send {
         diagonal: &BlockMatrix,
         right: &[f64],
         step: &mut [f64],
-    ) -> Result<f64, LinearError>;
+    ) -> Result<Solved, LinearError>;
 
     /// Landmark steps for a step of the reduced system, and what they add to the step's figures.
     /// Takes damping and groups of the last elimination, and the first unknown of each block with the
@@ -204,7 +204,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Eliminator
         diagonal: &BlockMatrix,
         right: &[f64],
         step: &mut [f64],
-    ) -> Result<f64, LinearError> {
+    ) -> Result<Solved, LinearError> {
         let layout = linearization.pass.layout;
         let iterative = self.iterative.get_or_insert_with(|| Iterative::new(layout));
         iterative.solve(linearization, diagonal, right, step)

@@ -5,7 +5,7 @@
 //! are inexact on purpose. The matrix is never formed; whether this solver is used is decided in
 //! `reduced_solver`.
 
-use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg, StoppingRule};
+use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg, Solved, StoppingRule};
 use crate::parallel;
 
 use super::blocks::ViewVector;
@@ -19,7 +19,7 @@ use super::sorted::{GROUPS, split};
 const FORCING: f64 = 0.1;
 
 /// At most so many inner steps.
-const MAX_PRODUCTS: usize = 500;
+pub(super) const MAX_PRODUCTS: usize = 500;
 
 /// The linearization that is multiplied with.
 pub(super) struct Linearization<'a> {
@@ -62,14 +62,14 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Iterative<D
         }
     }
 
-    /// Solves (S + λD) x = g; returns the relative residual.
+    /// Solves (S + λD) x = g.
     pub(super) fn solve(
         &mut self,
         linearization: &Linearization<'_>,
         diagonal: &BlockMatrix,
         g: &[f64],
         x: &mut [f64],
-    ) -> Result<f64, LinearError> {
+    ) -> Result<Solved, LinearError> {
         self.jacobi.factor(diagonal, linearization.added)?;
         let Self { pcg, jacobi, workspace } = self;
         let multiply = |p: &[f64], q: &mut [f64]| linearization.multiply(p, q, workspace);

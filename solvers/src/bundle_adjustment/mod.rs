@@ -25,6 +25,7 @@ mod accumulate;
 mod back_substitute;
 mod blocks;
 mod covisible;
+mod distance;
 mod eliminator;
 mod inner_iterations;
 mod iterative;
@@ -66,7 +67,9 @@ use variables::Variables;
 /// How the reduced camera system is stored and factored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LinearSolver {
-    /// Dense for small or well-filled systems, sparse otherwise.
+    /// The cheapest: dense for small or well-filled systems, sparse while a factorization costs less than
+    /// the products that conjugate gradients are expected to take, iterative past that. A solve changes from
+    /// iterative to sparse once it has counted more products than expected.
     #[default]
     Auto,
     /// All blocks, dense Cholesky.
@@ -138,7 +141,7 @@ fn run<'a>(
     problem: &'a mut BundleProblem,
     options: &'a Options,
     interrupt: &Interrupt,
-    from: Option<&'a LoopState>,
+    from: Option<&'a Checkpoint>,
     keeper: Option<&'a mut (dyn Keeper + 'a)>,
     observer: &'a mut Observer<'_>,
 ) -> Result<BundleSummary, SolveError> {
@@ -156,6 +159,10 @@ fn run<'a>(
         let system = BundleSystem::new(variables, options.linear_solver, limits);
         let (solve, linear_solver) = match system {
             Ok(mut system) => {
+                if from.is_some_and(|from| from.left_iterative) {
+                    system.reconsider(usize::MAX);
+                }
+                let from = from.map(|from| &from.state);
                 system.keeper = match keeper {
                     Some(keeper) => Some(keeper),
                     None => None,
@@ -184,6 +191,8 @@ fn run<'a>(
 pub struct Checkpoint {
     /// Where the loop stands.
     pub state: LoopState,
+    /// Whether [`LinearSolver::Auto`] has changed from conjugate gradients to a factorization.
+    pub left_iterative: bool,
     /// `world_from_camera` of each pose.
     pub poses: Vec<Se3>,
     /// `point_in_world` of each landmark.
@@ -229,7 +238,6 @@ pub fn solve_kept(
         problem.landmarks.clone_from(&from.landmarks);
         problem.cameras.clone_from(&from.cameras);
     }
-    let from = from.map(|from| &from.state);
     run(problem, options, &Interrupt::NEVER, from, Some(keeper), observer)
 }
 

@@ -1,8 +1,9 @@
-//! The reduced camera system's solver: chosen once a solve, by estimated cost.
+//! The reduced camera system's solver, by cost.
 //!
 //! Dense Cholesky for local windows, sparse Cholesky while its factor is cheap, conjugate gradients
-//! without the matrix past that. The choice looks at the structure only, so that it is the same on
-//! every run.
+//! without the matrix past that. What a factorization costs is known from the structure; how many products
+//! conjugate gradients take is expected from it, and counted afterwards. The choice looks at both and
+//! never at a clock, so that it is the same on every run.
 
 use std::sync::Arc;
 
@@ -13,6 +14,8 @@ use crate::problem::{BundleProblem, SolveError};
 
 use super::LinearSolver;
 use super::covisible::{ChunkPairs, can_be_numbered, covisible_pairs, most_slots, slot_count};
+use super::distance::longest_way;
+use super::iterative::MAX_PRODUCTS;
 use super::layout::Layout;
 use super::price::Costs;
 use super::reduce::block_pairs;
@@ -23,8 +26,19 @@ use super::state_factors;
 const PAIR_COST: f64 = 1.5;
 const FLOP_COST: f64 = 0.01;
 
-/// Products that conjugate gradients take for a step, to be expected.
+/// Products that conjugate gradients take for a step, to be expected where views are close to each other.
 const PRODUCTS: f64 = 40.0;
+
+/// Products that it takes in addition to carry an error over a landmark, from one view to the next.
+const PRODUCTS_A_HOP: f64 = 4.0;
+
+/// Conjugate gradients are left once a step took so many times the products that a factorization costs.
+const TOO_MANY: f64 = 1.5;
+
+/// A factorization that takes so many times the memory of conjugate gradients is none for `auto`, unless it
+/// is little anyway: bytes.
+const MUCH_MEMORY: u64 = 8;
+const LITTLE_MEMORY: u64 = 1 << 30;
 
 /// Reduced systems of at most so many unknowns are dense: their factorization is cheap anyway.
 const DENSE_DIMENSION: usize = 300;
@@ -43,16 +57,35 @@ pub(super) struct Choice {
     pub(super) pattern: Arc<BlockPattern>,
     /// The factorization and the pairs of views that feed it.
     pub(super) direct: Option<(Box<Cholesky>, Vec<ChunkPairs>)>,
+    /// Products that cost as much as a step by the factorization, or fewer; infinite where there is none.
+    break_even: f64,
+}
+
+impl Choice {
+    /// From how many products in a step on [`choose`] is to be asked again, with that number.
+    pub(super) fn most_products(&self) -> f64 {
+        TOO_MANY * self.break_even
+    }
+}
+
+/// Products that a step is expected to take.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Products {
+    /// As many as the structure says.
+    Unknown,
+    /// As many as the last step took.
+    Counted(usize),
 }
 
 /// A choice for which nothing large was allocated yet.
 enum Plan {
     Dense,
     Sparse { pattern: Arc<BlockPattern>, pairs: Vec<ChunkPairs>, ordered: Ordered },
-    Iterative,
+    Iterative { break_even: f64 },
 }
 
-/// Chooses as `wish` says, or the cheapest that stays within the ceiling.
+/// Chooses as `wish` says, or the cheapest that stays within the ceiling; `products` is what conjugate
+/// gradients would take.
 ///
 /// # Errors
 /// [`SolveError::TooExpensive`], [`SolveError::TooLarge`], [`SolveError::Interrupted`].
@@ -60,6 +93,7 @@ pub(super) fn choose(
     problem: &BundleProblem,
     layout: &Layout,
     wish: LinearSolver,
+    products: Products,
     costs: &Costs,
     limits: Limits<'_>,
 ) -> Result<Choice, SolveError> {
@@ -67,9 +101,11 @@ pub(super) fn choose(
     let dimension: usize = sizes.iter().sum();
     let failed = |error: LinearError| from_linear(error, dimension);
     let auto = wish == LinearSolver::Auto;
-    let plan = match plan(problem, layout, wish, costs, limits) {
+    let plan = match plan(problem, layout, wish, products, costs, limits) {
         // The matrix does not fit; without it, it may.
-        Err(SolveError::TooExpensive(_) | SolveError::TooLarge { .. }) if auto => Plan::Iterative,
+        Err(SolveError::TooExpensive(_) | SolveError::TooLarge { .. }) if auto => {
+            Plan::Iterative { break_even: f64::INFINITY }
+        }
         other => other?,
     };
     match plan {
@@ -78,18 +114,20 @@ pub(super) fn choose(
             let pattern = Arc::new(BlockPattern::full(sizes));
             let cholesky = Box::new(Cholesky::dense(Arc::clone(&pattern)).map_err(failed)?);
             let direct = Some((cholesky, pairs));
-            Ok(Choice { linear_solver: LinearSolver::DenseSchur, pattern, direct })
+            let linear_solver = LinearSolver::DenseSchur;
+            Ok(Choice { linear_solver, pattern, direct, break_even: f64::INFINITY })
         }
         Plan::Sparse { pattern, pairs, ordered } => {
             let cholesky = Cholesky::ordered(Arc::clone(&pattern), ordered).map_err(failed)?;
             let direct = Some((Box::new(cholesky), pairs));
-            Ok(Choice { linear_solver: LinearSolver::SparseSchur, pattern, direct })
+            let linear_solver = LinearSolver::SparseSchur;
+            Ok(Choice { linear_solver, pattern, direct, break_even: f64::INFINITY })
         }
-        Plan::Iterative => {
+        Plan::Iterative { break_even } => {
             limits.ceiling.admit(&costs.iterative())?;
             let pattern = Arc::new(BlockPattern::new(sizes, []));
             let linear_solver = LinearSolver::IterativeSchur;
-            Ok(Choice { linear_solver, pattern, direct: None })
+            Ok(Choice { linear_solver, pattern, direct: None, break_even })
         }
     }
 }
@@ -99,6 +137,7 @@ fn plan(
     problem: &BundleProblem,
     layout: &Layout,
     wish: LinearSolver,
+    products: Products,
     costs: &Costs,
     limits: Limits<'_>,
 ) -> Result<Plan, SolveError> {
@@ -117,12 +156,31 @@ fn plan(
         numbered()?;
         return dense();
     }
-    let observations = layout.sorted.observation_count() as f64;
-    let affordable = PRODUCTS * observations - PAIR_COST * layout.sorted.pair_count as f64;
-    if wish == LinearSolver::IterativeSchur
-        || (auto && FLOP_COST * least_factor_flops(layout) > affordable)
-    {
-        return Ok(Plan::Iterative);
+    if wish == LinearSolver::IterativeSchur {
+        return Ok(Plan::Iterative { break_even: f64::INFINITY });
+    }
+    let observations = layout.sorted.observation_count().max(1) as f64;
+    let pairs = PAIR_COST * layout.sorted.pair_count as f64;
+    // In products.
+    let cost = |flops: f64| (FLOP_COST * flops + pairs) / observations;
+    let mut way = None;
+    let mut is_cheaper = |break_even: f64| {
+        let expected = match products {
+            Products::Counted(count) => count as f64 / TOO_MANY,
+            // The way between views is asked for only where it may change the choice.
+            Products::Unknown if break_even <= PRODUCTS => PRODUCTS,
+            Products::Unknown => {
+                let hops = *way.get_or_insert_with(|| longest_way(layout));
+                (PRODUCTS + PRODUCTS_A_HOP * hops as f64).min(MAX_PRODUCTS as f64)
+            }
+        };
+        break_even > expected
+    };
+    if auto {
+        let break_even = cost(least_factor_flops(layout));
+        if is_cheaper(break_even) {
+            return Ok(Plan::Iterative { break_even });
+        }
     }
     numbered()?;
     // The lists of pairs alone may be too many.
@@ -134,12 +192,17 @@ fn plan(
     let pattern = Arc::new(BlockPattern::new(layout.block_sizes.clone(), tied));
     if auto && pattern.density() > DENSE_FILL {
         let flops = (dimension as f64).powi(3) / 3.0;
-        return if FLOP_COST * flops > affordable { Ok(Plan::Iterative) } else { dense() };
+        let break_even = cost(flops);
+        return match is_cheaper(break_even) {
+            true => Ok(Plan::Iterative { break_even }),
+            false => dense(),
+        };
     }
     let failed = |error: LinearError| from_linear(error, dimension);
     let ordered = Cholesky::order(&pattern, limits.interrupt).map_err(failed)?;
-    if auto && FLOP_COST * ordered.price().flops_per_iteration > affordable {
-        return Ok(Plan::Iterative);
+    let break_even = cost(ordered.price().flops_per_iteration);
+    if auto && is_cheaper(break_even) {
+        return Ok(Plan::Iterative { break_even });
     }
     let values = 8 * pattern.value_count() as u64 + 24 * pattern.stored_block_count() as u64;
     let price = Price {
@@ -147,6 +210,10 @@ fn plan(
         flops_per_iteration: base.flops_per_iteration + ordered.price().flops_per_iteration,
     };
     limits.ceiling.admit(&price)?;
+    let much = MUCH_MEMORY.saturating_mul(costs.iterative().bytes).max(LITTLE_MEMORY);
+    if auto && price.bytes > much {
+        return Ok(Plan::Iterative { break_even: f64::INFINITY });
+    }
     Ok(Plan::Sparse { pattern, pairs, ordered })
 }
 

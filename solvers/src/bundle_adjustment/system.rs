@@ -11,23 +11,27 @@ use super::eliminator::Eliminator;
 use super::iterative::Linearization;
 use super::landmarks::LandmarkGroup;
 use super::reduce::{ReducedVectors, Reduction};
-use super::reduced_solver::{Choice, choose};
+use super::reduced_solver::{Choice, Products, choose};
 use super::sorted::GROUPS;
 use super::state_factors;
 use super::variables::{Backup, Move, Variables};
 use super::{Keeper, LinearSolver};
-use crate::linear::{BlockMatrix, Cholesky, LinearError};
+use crate::linear::{BlockMatrix, Cholesky, LinearError, Solved};
 use crate::loss::Loss;
 use crate::optimizer::{
     Gradient, IterationSummary, LoopState, Losses, Step, StepFailure, System, damping_scale,
 };
-use crate::price::Limits;
+use crate::price::{Ceiling, Limits};
 use crate::problem::{BundleProblem, SolveError};
 
 /// A problem with its elimination and the solver of what that leaves.
 pub(super) struct BundleSystem<'a> {
     variables: Variables<'a>,
+    wish: LinearSolver,
+    ceiling: Ceiling,
     linear_solver: LinearSolver,
+    /// Whether it was chosen again, as conjugate gradients took too many products.
+    left_iterative: bool,
     offsets: Vec<usize>,
     /// None where the reduced system is not formed.
     pairs: Option<Vec<ChunkPairs>>,
@@ -65,8 +69,8 @@ pub(super) fn losses_of(problem: &BundleProblem) -> Losses {
 enum Solver {
     /// Exactly.
     Cholesky(Box<Cholesky>),
-    /// Inexactly.
-    Iterative,
+    /// Inexactly, while a step takes no more products than these.
+    Iterative { most_products: f64 },
 }
 
 impl<'a> BundleSystem<'a> {
@@ -77,15 +81,19 @@ impl<'a> BundleSystem<'a> {
     ) -> Result<Self, SolveError> {
         let (problem, layout) = (&*variables.problem, &*variables.layout);
         let costs = (variables.kernels.costs)(problem, layout);
-        let Choice { linear_solver, pattern, direct } =
-            choose(problem, layout, wish, &costs, limits)?;
+        let choice = choose(problem, layout, wish, Products::Unknown, &costs, limits)?;
+        let most_products = choice.most_products();
+        let Choice { linear_solver, pattern, direct, .. } = choice;
         let (solver, pairs) = match direct {
             Some((cholesky, pairs)) => (Solver::Cholesky(cholesky), Some(pairs)),
-            None => (Solver::Iterative, None),
+            None => (Solver::Iterative { most_products }, None),
         };
         let dimension = pattern.dimension();
         Ok(Self {
+            wish,
+            ceiling: limits.ceiling,
             linear_solver,
+            left_iterative: false,
             offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
             reduction: Reduction::new(layout, pairs.as_deref().unwrap_or(&[]), &pattern),
             eliminator: (variables.kernels.eliminator)(layout, pairs.as_deref()),
@@ -108,6 +116,34 @@ impl<'a> BundleSystem<'a> {
 
     pub(super) fn linear_solver(&self) -> LinearSolver {
         self.linear_solver
+    }
+
+    /// Chooses again after a step of so many products, where they were too many.
+    pub(super) fn reconsider(&mut self, products: usize) {
+        let Solver::Iterative { most_products } = &mut self.solver else { return };
+        if self.wish != LinearSolver::Auto || products as f64 <= *most_products {
+            return;
+        }
+        let (problem, layout) = (&*self.variables.problem, &*self.variables.layout);
+        let costs = (self.variables.kernels.costs)(problem, layout);
+        let limits = Limits { ceiling: self.ceiling, interrupt: &self.variables.interrupt };
+        // What fails was no better choice: the ceiling is met by conjugate gradients, and a solve that is
+        // interrupted ends with them.
+        let choice =
+            choose(problem, layout, self.wish, Products::Counted(products), &costs, limits);
+        let Ok(choice) = choice else { return };
+        *most_products = choice.most_products();
+        let Choice { linear_solver, pattern, direct: Some((cholesky, pairs)), .. } = choice else {
+            return;
+        };
+        self.reduction = Reduction::new(layout, &pairs, &pattern);
+        self.eliminator = (self.variables.kernels.eliminator)(layout, Some(&pairs));
+        self.reduced = BlockMatrix::new(pattern);
+        self.solver = Solver::Cholesky(cholesky);
+        self.pairs = Some(pairs);
+        self.linear_solver = linear_solver;
+        self.left_iterative = true;
+        self.eliminated_for = None;
     }
 
     /// Puts the landmarks back into the problem.
@@ -136,18 +172,20 @@ impl<'a> BundleSystem<'a> {
         self.eliminated_for = Some(damping);
     }
 
-    /// Solves the reduced system for the step; returns the relative residual.
-    fn solve_reduced(&mut self, added: &[f64]) -> Result<f64, LinearError> {
+    /// Solves the reduced system for the step.
+    fn solve_reduced(&mut self, added: &[f64]) -> Result<Solved, LinearError> {
         let right: Vec<f64> = self.vectors.reduced_gradient.iter().map(|g| -g).collect();
         if right.is_empty() {
-            return Ok(0.0);
+            return Ok(Solved::default());
         }
         match &mut self.solver {
             Solver::Cholesky(cholesky) => {
                 cholesky.factor_until(&self.reduced, added, &self.variables.interrupt)?;
-                Ok(cholesky.solve_checked(&self.reduced, added, &right, &mut self.step))
+                let relative_residual =
+                    cholesky.solve_checked(&self.reduced, added, &right, &mut self.step);
+                Ok(Solved { relative_residual, products: 0 })
             }
-            Solver::Iterative => {
+            Solver::Iterative { .. } => {
                 let linearization = Linearization {
                     pass: self.variables.pass(),
                     offsets: &self.offsets,
@@ -198,7 +236,7 @@ impl System for BundleSystem<'_> {
     fn keep(&mut self, row: &IterationSummary, state: &dyn Fn() -> LoopState) {
         let Some(keeper) = self.keeper.take() else { return };
         if keeper.is_due(row) {
-            keeper.keep(self.variables.to_checkpoint(state()));
+            keeper.keep(self.variables.to_checkpoint(state(), self.left_iterative));
         }
         self.keeper = Some(keeper);
     }
@@ -231,7 +269,8 @@ impl System for BundleSystem<'_> {
         }
         let diagonal = self.vectors.diagonal.iter();
         let added: Vec<f64> = diagonal.map(|d| damping * damping_scale(*d)).collect();
-        let linear_residual = self.solve_reduced(&added).map_err(|_error| StepFailure)?;
+        let solved = self.solve_reduced(&added).map_err(|_error| StepFailure)?;
+        let linear_residual = solved.relative_residual;
         let mut sums = self.back_substitute(damping);
         for ((delta, added), gradient) in self.step.iter().zip(&added).zip(&self.vectors.gradient) {
             sums.decrease += delta * (added * delta - gradient);
@@ -241,12 +280,14 @@ impl System for BundleSystem<'_> {
         if !figures.iter().all(|x| x.is_finite()) {
             return Err(StepFailure);
         }
+        let is_inexact = matches!(self.solver, Solver::Iterative { .. });
+        self.reconsider(solved.products);
         Ok(Step {
             predicted_decrease: 0.5 * sums.decrease,
             norm: sums.squared.sqrt(),
             state_norm: self.variables.norm(),
             linear_residual,
-            is_inexact: matches!(self.solver, Solver::Iterative),
+            is_inexact,
         })
     }
 

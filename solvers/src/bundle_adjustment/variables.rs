@@ -165,10 +165,10 @@ impl<'a> Variables<'a> {
     }
 
     /// What a solve that goes on from here needs, besides its problem.
-    pub(super) fn to_checkpoint(&self, state: LoopState) -> Checkpoint {
+    pub(super) fn to_checkpoint(&self, state: LoopState, left_iterative: bool) -> Checkpoint {
         let BundleProblem { poses, cameras, .. } = &*self.problem;
         let (poses, cameras) = (poses.clone(), cameras.clone());
-        Checkpoint { state, poses, landmarks: self.landmarks(), cameras }
+        Checkpoint { state, left_iterative, poses, landmarks: self.landmarks(), cameras }
     }
 
     pub(super) fn back_up(&self, backup: &mut Backup) {

@@ -41,5 +41,5 @@ pub use error::LinearError;
 pub use matrix::{BlockMatrix, BlockRowMut};
 pub use ordering::{BlockOrdering, OrderingMethod};
 pub use pattern::BlockPattern;
-pub use pcg::{BlockJacobi, Pcg, StoppingRule};
+pub use pcg::{BlockJacobi, Pcg, Solved, StoppingRule};
 pub use sparse::{GrowingCholesky, PairTerm, SparseCholesky, Updated};

@@ -19,6 +19,15 @@ pub struct StoppingRule {
     pub max_products: usize,
 }
 
+/// What a solve by conjugate gradients took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Solved {
+    /// ‖A x − g‖ / ‖g‖ by its recurrence.
+    pub relative_residual: f64,
+    /// Products with the matrix.
+    pub products: usize,
+}
+
 /// Conjugate gradients; memory is allocated once.
 #[derive(Clone, Debug, Default)]
 pub struct Pcg {
@@ -29,7 +38,7 @@ pub struct Pcg {
 }
 
 impl Pcg {
-    /// Solves A x = g from x = 0; `multiply(p, q)` sets q = A p. Returns ‖A x − g‖ / ‖g‖ by its recurrence.
+    /// Solves A x = g from x = 0; `multiply(p, q)` sets q = A p.
     ///
     /// # Errors
     /// Not positive definite, seen in a direction, or [`LinearError::Interrupted`]; then `x` is not a
@@ -42,7 +51,7 @@ impl Pcg {
         x: &mut [f64],
         stop: StoppingRule,
         interrupt: &Interrupt,
-    ) -> Result<f64, LinearError> {
+    ) -> Result<Solved, LinearError> {
         for vector in [&mut self.z, &mut self.p, &mut self.q] {
             vector.resize(g.len(), 0.0);
         }
@@ -50,9 +59,9 @@ impl Pcg {
         self.r.clear();
         self.r.extend_from_slice(g);
         let norm = dot(g, g).sqrt();
-        let mut relative_residual = 0.0;
+        let mut solved = Solved::default();
         if norm == 0.0 {
-            return Ok(relative_residual);
+            return Ok(solved);
         }
         let mut rho = 0.0;
         let mut quadratic = 0.0;
@@ -79,17 +88,17 @@ impl Pcg {
                 *x += alpha * p;
                 *r -= alpha * q;
             }
-            relative_residual = dot(&self.r, &self.r).sqrt() / norm;
+            solved = Solved { relative_residual: dot(&self.r, &self.r).sqrt() / norm, products: k };
             // Q = ½ xᵀAx − gᵀx = −½ xᵀ(g + r).
             let next: f64 = -0.5
                 * x.iter().zip(g.iter().zip(&self.r)).map(|(x, (g, r))| x * (g + r)).sum::<f64>();
             let gain = k as f64 * (next - quadratic) / next;
             quadratic = next;
-            if gain < stop.tolerance || relative_residual < 1e-14 {
+            if gain < stop.tolerance || solved.relative_residual < 1e-14 {
                 break;
             }
         }
-        Ok(relative_residual)
+        Ok(solved)
     }
 }
 

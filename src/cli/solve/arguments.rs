@@ -19,7 +19,7 @@ pub(super) type Robust = Option<Kernel>;
 
 /// Values of `--linear-solver`.
 pub(super) const SOLVERS: &Choices<LinearSolver> = &[
-    ("auto", LinearSolver::Auto, "Chosen to suit the problem"),
+    ("auto", LinearSolver::Auto, "The cheapest by its cost, which may change during a solve"),
     ("dense-schur", LinearSolver::DenseSchur, "A dense factorization"),
     ("sparse-schur", LinearSolver::SparseSchur, "A sparse factorization"),
     (

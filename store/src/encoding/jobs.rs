@@ -52,7 +52,7 @@ pub(crate) fn decode_upload(bytes: &[u8]) -> Result<JobUpload, EncodingError> {
 
 /// The bytes of a checkpoint.
 pub(crate) fn encode_checkpoint(checkpoint: &Checkpoint) -> Vec<u8> {
-    let Checkpoint { state, poses, landmarks, cameras } = checkpoint;
+    let Checkpoint { state, left_iterative, poses, landmarks, cameras } = checkpoint;
     let id = EntityId::new(ClientIndex(0), 0);
     let camera =
         |&camera: &_| encode_camera_set(id, &CameraEntity { camera, width_px: 0, height_px: 0 });
@@ -68,6 +68,7 @@ pub(crate) fn encode_checkpoint(checkpoint: &Checkpoint) -> Vec<u8> {
         poses: poses.iter().map(encode_pose).collect(),
         landmarks: landmarks.iter().flat_map(|p| [p.x, p.y, p.z].map(f64::to_bits)).collect(),
         cameras: cameras.iter().map(camera).collect(),
+        left_iterative: *left_iterative,
     })
 }
 
@@ -94,6 +95,7 @@ pub(crate) fn decode_checkpoint(bytes: &[u8]) -> Result<Checkpoint, EncodingErro
     let cameras = message.cameras.into_iter().map(|set| Ok(decode_camera_set(set)?.1.camera));
     Ok(Checkpoint {
         state,
+        left_iterative: message.left_iterative,
         poses: poses.collect::<Result<_, EncodingError>>()?,
         landmarks: points.iter().map(|p| Vector3::from(p.map(f64::from_bits))).collect(),
         cameras: cameras.collect::<Result<_, EncodingError>>()?,

@@ -1096,6 +1096,8 @@ pub struct BundleCheckpoint {
     pub landmarks: ::prost::alloc::vec::Vec<u64>,
     #[prost(message, repeated, tag = "11")]
     pub cameras: ::prost::alloc::vec::Vec<CameraSet>,
+    #[prost(bool, tag = "12")]
+    pub left_iterative: bool,
 }
 impl ::prost::Name for BundleCheckpoint {
     const NAME: &'static str = "BundleCheckpoint";
