@@ -123,7 +123,9 @@ fn ids_that_are_no_exact_times_do_not_become_times() {
 fn what_cannot_be_converted_is_told_with_what_to_do() {
     let workspace = Workspace::new();
     let truth = golden(TRUTH);
-    workspace.run("convert {} out", &[&truth]).expect_failure(&["out: the format does not follow", "--to"]);
+    workspace
+        .run("convert {} out", &[&truth])
+        .expect_failure(&["out: the format does not follow", "--to"]);
     workspace.run("convert none.txt out.csv", &[]).expect_failure(&["none.txt"]);
     fs_err::create_dir(workspace.path("empty")).unwrap();
     workspace.run("convert empty out.csv", &[]).expect_failure(&["empty", "cameras.bin"]);
