@@ -7,11 +7,13 @@
 use covis_solvers::bundle_adjustment::{
     BundleSummary, Checkpoint, Keeper, LinearSolver, Options, solve, solve_kept,
 };
+use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
+use covis_solvers::information::Information;
 use covis_solvers::optimizer::{IterationSummary, ignore_iterations};
 use covis_solvers::problem::BundleProblem;
 use covis_solvers::testing::random::{normal_vector, seeded};
-use nalgebra::Vector3;
+use nalgebra::{SVector, Vector3};
 use rand::RngExt;
 
 /// A problem with so many poses, the first constant, and a landmark for each track, whose pixels weigh little
@@ -169,4 +171,21 @@ fn conjugate_gradients_that_take_too_many_products_are_left() {
     for checkpoint in [&checkpoints[last - left], &checkpoints[last]] {
         assert_eq!(solve(Some(checkpoint)).0, whole);
     }
+}
+
+#[test]
+fn poses_that_nothing_observes_have_a_choice() {
+    let mut problem = problem(100, &[], 0);
+    for i in 1..100 {
+        problem.relative_poses.push(RelativePose {
+            i: i - 1,
+            j: i,
+            i_from_j: Se3::new(So3::identity(), Vector3::new(0.1, 0.0, 0.0)),
+            information: Information::from_sigmas(&SVector::from([0.01; 6])).unwrap(),
+            loss: None,
+        });
+    }
+    let summary = run(&mut problem, LinearSolver::Auto, 50);
+    assert_ne!(summary.linear_solver, LinearSolver::Auto);
+    assert!(summary.solve.final_cost < 1e-9 * summary.solve.initial_cost, "{summary:?}");
 }

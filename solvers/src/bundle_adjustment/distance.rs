@@ -13,22 +13,24 @@ pub(super) fn longest_way(layout: &Layout) -> usize {
     let count = layout.views.len();
     // Tracks of each view.
     let mut starts = vec![0_u32; count + 1];
-    for &view in &sorted.views {
-        starts[view as usize + 1] += 1;
+    // The kernels' list is padded: only tracks have what was observed.
+    let landmarks = 0..sorted.constant.len();
+    let pairs = || landmarks.clone().flat_map(|k| sorted.track(k).map(move |o| (k, o)));
+    for (_, o) in pairs() {
+        starts[sorted.views[o] as usize + 1] += 1;
     }
     for view in 0..count {
         starts[view + 1] += starts[view];
     }
     let mut next = starts.clone();
-    let mut tracks = vec![0_u32; sorted.views.len()];
-    for (&view, &position) in sorted.views.iter().zip(&sorted.positions) {
-        let at = &mut next[view as usize];
-        tracks[*at as usize] = position;
+    let mut tracks = vec![0_u32; sorted.observation_count()];
+    for (k, o) in pairs() {
+        let at = &mut next[sorted.views[o] as usize];
+        tracks[*at as usize] = k as u32;
         *at += 1;
     }
-    let mut search =
-        Search { layout, starts, tracks, seen: vec![0; count], used: Vec::new(), sweep: 0 };
-    search.used.resize(sorted.constant.len(), 0);
+    let (seen, used) = (vec![0; count], vec![0; sorted.constant.len()]);
+    let mut search = Search { layout, starts, tracks, seen, used, sweep: 0 };
     let mut longest = 0;
     for view in 0..count {
         // A view of a component that was searched is marked.
