@@ -167,6 +167,8 @@ fn plan(
     let mut is_cheaper = |break_even: f64| {
         let expected = match products {
             Products::Counted(count) => count as f64 / TOO_MANY,
+            // Nothing is known of products without observations, and a pose graph's factor is sparse.
+            Products::Unknown if layout.sorted.observation_count() == 0 => f64::INFINITY,
             // The way between views is asked for only where it may change the choice.
             Products::Unknown if break_even <= PRODUCTS => PRODUCTS,
             Products::Unknown => {
