@@ -1,10 +1,9 @@
 //! Loops compiled for wider vectors than every processor has.
 //!
 //! A kernel is written once, as plain loops over slices; the compiler makes vectors of them, of 128
-//! bits for any x86-64 processor and of 256 bits where it has AVX2 and the solvers' [`Class`] is not the
-//! scalar one. Products and sums are never fused
-//! and keep their order, so that results have the same bits everywhere. This file has
-//! the only `unsafe` of the frontend. Knows nothing of what kernels compute.
+//! bits for any x86-64 processor and of 256 bits where the solvers' class has AVX2. Products and sums are
+//! never fused and keep their order, so that results have the same bits everywhere. This file has the only
+//! `unsafe` of the frontend. Knows nothing of what kernels compute.
 
 #![allow(unsafe_code, reason = "instructions of a processor that was asked for them")]
 

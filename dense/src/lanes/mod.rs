@@ -1,7 +1,7 @@
 //! Vectors of sixteen lanes: AVX-512, AVX2, or plain arrays that the compiler vectorizes.
 //!
-//! A kernel is written once over [`Lanes`] and compiled for each class of the solvers' [`Class`]. All classes give the same bits: where products are fused with sums,
-//! they are in all. Nothing here knows what the numbers mean.
+//! A kernel is written once over [`Lanes`] and compiled for each class of the solvers' [`Class`]. All
+//! classes give the same bits: where products are fused with sums, they are in all. Nothing here knows what the numbers mean.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

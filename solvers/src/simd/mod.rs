@@ -1,9 +1,9 @@
 //! Eight lanes of f64 under one name: AVX-512, AVX2 with FMA, NEON, or plain arrays.
 //!
 //! A kernel is written once over `Lanes` and compiled for each class; [`Class::detect`] picks the
-//! widest that the processor has, at run time, or the one that [`VARIABLE`] names. Every class has eight lanes, so that the order of
-//! operations is the same everywhere; the classes with fused multiply-add give the same bits, the
-//! scalar one rounds products on their own. Nothing here knows what the numbers mean.
+//! widest that the processor has, at run time, or the one that [`VARIABLE`] names. Every class has eight
+//! lanes, so that the order of operations is the same everywhere; the classes with fused multiply-add
+//! give the same bits, the scalar one rounds products on their own. Nothing here knows what the numbers mean.
 
 /// Methods of [`Lanes`] that map vectors to one, from a table `name(arguments) = value;`.
 macro_rules! operations {
@@ -188,7 +188,7 @@ impl Class {
     }
 }
 
-/// The name is none of a [`Class`].
+/// The name of no [`Class`].
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("the instruction sets are avx512, avx2, neon and scalar")]
 pub struct UnknownClass;

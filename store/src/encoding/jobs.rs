@@ -127,3 +127,34 @@ fn decode_row(row: &v1::CheckpointRow) -> IterationSummary {
         step_quality: f64::from_bits(row.step_quality),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use covis_solvers::geometry::{LieGroup, Se3, Snavely};
+
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_comes_back_bit_for_bit() {
+        let state = LoopState {
+            initial_cost: 7.0,
+            cost: 0.1,
+            damping: 1e-9,
+            damping_growth: 2.0,
+            stiffness: None,
+            is_approaching: true,
+            linear_residual: 1e-12,
+            rows: Vec::new(),
+        };
+        for left_iterative in [false, true] {
+            let checkpoint = Checkpoint {
+                state: state.clone(),
+                left_iterative,
+                poses: vec![Se3::identity()],
+                landmarks: vec![Vector3::new(0.1, -0.2, 0.3)],
+                cameras: vec![Snavely { focal: 500.0, k1: 0.1, k2: 0.0 }.into()],
+            };
+            assert_eq!(decode_checkpoint(&encode_checkpoint(&checkpoint)).unwrap(), checkpoint);
+        }
+    }
+}
