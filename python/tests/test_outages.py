@@ -238,6 +238,9 @@ def test_a_mirror_follows_the_map_over_a_broken_link(client, linked, proxy):
         session.closure(0, 0, 3, np.linalg.inv(pose(0)) @ pose(3), covis.closure_information(0.01, 0.01))
         report = session.finish(GUARD_S)
     watched.wait(report.revision, GUARD_S)
+    # The server goes on with the closure after the last ack.
+    client.wait_settled("room", timeout=GUARD_S)
+    watched.wait(client.get_map("room").revision, GUARD_S)
     assert (len(watched.poses), len(watched.constraints)) == (4, 1)
     assert watched.map_from_odom("robot") is not None
     with client.watch("room") as fresh:
