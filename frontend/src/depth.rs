@@ -98,7 +98,7 @@ impl Kernel for Reading<'_> {
                 for (i, index) in indices.iter_mut().enumerate() {
                     let i = i as f32;
                     let (x, y) = (x + i * (1.0 + step.x), y + i * step.y);
-                    let (u, v) = (x.floor() as i32, y.floor() as i32);
+                    let (u, v) = (simd::floor(x), simd::floor(y));
                     let is_inside = (u >= 0) & (v >= 0) & (u < right) & (v < bottom);
                     *index = if is_inside { v * right + u } else { i32::MAX };
                 }

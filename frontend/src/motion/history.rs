@@ -36,19 +36,47 @@ const FREE_VOTES: f32 = 2.0;
 const OTHER_VOTES: f32 = 2.0;
 
 /// The ranges of depth and gray level within one cell of each, because edges of depth and of color
-/// differ. In whole millimeters and gray levels, because every keyframe keeps them.
+/// differ. In whole millimeters and gray levels, because every keyframe keeps them, and in two words, because
+/// those are looked up one by one and then taken apart many at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Around {
-    /// Least depth; 0 where too little was measured.
-    nearest_mm: u16,
-    /// Largest depth.
-    farthest_mm: u16,
-    /// Least mean.
-    darkest: u8,
-    /// Largest mean.
-    brightest: u8,
-    /// Whether something moved there.
-    is_moving: bool,
+    /// Least depth, 0 where too little was measured; from bit 16 on the largest depth. Millimeters.
+    depths: u32,
+    /// Least mean; from bit 8 on the largest mean; bit 16 where something moved there.
+    grays: u32,
+}
+
+impl Around {
+    #[inline(always)]
+    fn nearest_mm(self) -> f32 {
+        number(self.depths & 0xffff)
+    }
+
+    #[inline(always)]
+    fn farthest_mm(self) -> f32 {
+        number(self.depths >> 16)
+    }
+
+    #[inline(always)]
+    fn darkest(self) -> f32 {
+        number(self.grays & 0xff)
+    }
+
+    #[inline(always)]
+    fn brightest(self) -> f32 {
+        number(self.grays >> 8 & 0xff)
+    }
+
+    #[inline(always)]
+    fn is_moving(self) -> bool {
+        self.grays >> 16 != 0
+    }
+}
+
+/// A number below 2³¹; vectors of older processors have only signed ones.
+#[inline(always)]
+fn number(small: u32) -> f32 {
+    small as i32 as f32
 }
 
 /// An earlier frame.
@@ -150,7 +178,7 @@ impl History {
     /// The votes of earlier frames and of neighboring keyframes on each cell of the current frame.
     #[must_use]
     pub fn ask(&self, current: &Current<'_>, neighbors: &[Neighbor]) -> Image<Votes> {
-        let mut votes = current.cells.map(|_| Votes::default());
+        let mut tally = Tally::of(current.cells);
         for &lag in &self.lags {
             let Some(frame) = lag.checked_sub(1).and_then(|index| self.frames.get(index)) else {
                 continue;
@@ -162,16 +190,43 @@ impl History {
                 other_votes: if lag <= OTHER_LAG { OTHER_VOTES } else { 0.0 },
                 same_votes: (lag as f32 / FULL_LAG as f32).min(1.0),
             };
-            witness.testify(current, &mut votes);
+            witness.testify(current, &mut tally);
         }
         for neighbor in neighbors {
             let Some(around) = self.keyframes.get(&neighbor.keyframe) else { continue };
             let motion = neighbor.keyframe_from_camera;
             let witness =
                 Witness { around, motion, exposure: None, other_votes: 0.0, same_votes: 1.0 };
-            witness.testify(current, &mut votes);
+            witness.testify(current, &mut tally);
+        }
+        let mut votes = current.cells.map(|_| Votes::default());
+        let sums = tally.moves.iter().zip(&tally.stands);
+        for (votes, (&moves, &stands)) in votes.pixels_mut().iter_mut().zip(sums) {
+            *votes = Votes { moves, stands };
         }
         votes
+    }
+}
+
+/// The cells of the current frame and the votes on them, field by field: loops over many take these at once.
+struct Tally {
+    mean: Vec<f32>,
+    depth_m: Vec<f32>,
+    is_saturated: Vec<bool>,
+    moves: Vec<f32>,
+    stands: Vec<f32>,
+}
+
+impl Tally {
+    fn of(cells: &Image<CellView>) -> Self {
+        let cells = cells.pixels();
+        Self {
+            mean: cells.iter().map(|cell| cell.mean).collect(),
+            depth_m: cells.iter().map(|cell| cell.depth_m).collect(),
+            is_saturated: cells.iter().map(CellView::is_saturated).collect(),
+            moves: vec![0.0; cells.len()],
+            stands: vec![0.0; cells.len()],
+        }
     }
 }
 
@@ -188,22 +243,10 @@ struct Witness<'a> {
 
 impl Witness<'_> {
     /// Adds its votes on each cell.
-    fn testify(&self, current: &Current<'_>, votes: &mut Image<Votes>) {
+    fn testify(&self, current: &Current<'_>, tally: &mut Tally) {
         let warp = CellWarp::new(current.camera, current.rays, &self.motion);
-        let positions = warp.positions(current.cells.pixels().iter().map(|cell| cell.depth_m));
-        simd::run(Testimony { witness: self, positions: &positions, current, votes });
-    }
-
-    /// What it saw around a place.
-    #[inline(always)]
-    fn around(&self, x: f32, y: f32) -> Around {
-        let (columns, rows) = self.around.size();
-        let (x, y) = (x + 0.5, y + 0.5);
-        if x >= 0.0 && y >= 0.0 && x < columns as f32 && y < rows as f32 {
-            self.around.at(x as usize, y as usize)
-        } else {
-            Around::default()
-        }
+        let positions = warp.positions(tally.depth_m.iter().copied());
+        simd::run(Testimony { witness: self, positions: &positions, tally });
     }
 }
 
@@ -211,38 +254,70 @@ impl Witness<'_> {
 struct Testimony<'a> {
     witness: &'a Witness<'a>,
     positions: &'a CellPositions,
-    current: &'a Current<'a>,
-    votes: &'a mut Image<Votes>,
+    tally: &'a mut Tally,
 }
+
+/// Cells that are looked up before votes are computed: they fit into the nearest cache.
+const BLOCK: usize = 128;
 
 impl Kernel for Testimony<'_> {
     type Output = ();
 
-    /// Row by row: first looks up what the witness saw, then computes the votes without branches.
+    /// Finds the cells of a block, then looks up what the witness saw there, then computes the votes without
+    /// branches.
     #[inline(always)]
     fn run(self) {
-        let Self { witness, positions, current, votes } = self;
-        let exposure = witness.exposure;
+        let Self { witness, positions, tally } = self;
+        let seen = witness.around.pixels();
+        let (width, height) = witness.around.size();
+        let (right, bottom, columns) = (width as f32, height as f32, width as i32);
+        let exposure = witness.exposure.unwrap_or(Exposure::SAME);
+        let is_incomparable = witness.exposure.is_none();
         let (other_votes, same_votes) = (witness.other_votes, witness.same_votes);
-        let columns = votes.width();
-        let mut row_around = vec![Around::default(); columns];
-        for row in 0..votes.height() {
-            let cells = row * columns..(row + 1) * columns;
-            let (x, y) = (&positions.x[cells.clone()], &positions.y[cells.clone()]);
-            for (around, (&x, &y)) in row_around.iter_mut().zip(x.iter().zip(y)) {
-                *around = witness.around(x, y);
+        let mut indices = [0_i32; BLOCK];
+        let (mut depths, mut grays) = ([0_u32; BLOCK], [0_u32; BLOCK]);
+        for start in (0..tally.mean.len()).step_by(BLOCK) {
+            let end = tally.mean.len().min(start + BLOCK);
+            let count = end - start;
+            let (x, y) = (&positions.x[start..end], &positions.y[start..end]);
+            let expected_m = &positions.depth_m[start..end];
+            let (mean, depth_m) = (&tally.mean[start..end], &tally.depth_m[start..end]);
+            let is_saturated = &tally.is_saturated[start..end];
+            let moves = &mut tally.moves[start..end];
+            let stands = &mut tally.stands[start..end];
+            for i in 0..count {
+                let (x, y) = (x[i] + 0.5, y[i] + 0.5);
+                let is_inside = (x >= 0.0) & (y >= 0.0) & (x < right) & (y < bottom);
+                let index = simd::floor(y) * columns + simd::floor(x);
+                indices[i] = if is_inside { index } else { -1 };
             }
-            let votes = votes.row_mut(row).iter_mut().zip(current.cells.row(row));
-            let seen = row_around.iter().zip(&positions.depth_m[cells]);
-            for ((votes, cell), (around, &expected_m)) in votes.zip(seen) {
-                let look = look(around, cell, expected_m, exposure.as_ref());
-                let moves = if look.is_other { other_votes } else { 0.0 };
-                votes.moves += if look.is_free { FREE_VOTES } else { moves };
-                let stands = look.is_same & !around.is_moving;
-                votes.stands += if stands { same_votes } else { 0.0 };
+            for i in 0..count {
+                let around = seen.get(indices[i] as usize).copied().unwrap_or_default();
+                (depths[i], grays[i]) = (around.depths, around.grays);
+            }
+            for i in 0..count {
+                let around = Around { depths: depths[i], grays: grays[i] };
+                let cell = Cell {
+                    mean: mean[i],
+                    is_measured: depth_m[i] > 0.0,
+                    is_incomparable: is_saturated[i] | is_incomparable,
+                };
+                let look = look(around, &cell, expected_m[i], &exposure);
+                let other = if look.is_other { other_votes } else { 0.0 };
+                moves[i] += if look.is_free { FREE_VOTES } else { other };
+                let is_static = look.is_same & !around.is_moving();
+                stands[i] += if is_static { same_votes } else { 0.0 };
             }
         }
     }
+}
+
+/// A cell of the current frame.
+struct Cell {
+    mean: f32,
+    is_measured: bool,
+    /// Whether its gray level says nothing.
+    is_incomparable: bool,
 }
 
 /// What a witness saw at the place of a cell; all false where that is unclear.
@@ -256,25 +331,22 @@ struct Look {
 /// Compares a cell with what a witness saw around its place; `expected_m` is the depth that it had
 /// there if it stood still.
 #[inline(always)]
-fn look(around: &Around, cell: &CellView, expected_m: f32, exposure: Option<&Exposure>) -> Look {
+fn look(around: Around, cell: &Cell, expected_m: f32, exposure: &Exposure) -> Look {
     /// From this mean gray level on, part of a cell may be saturated.
     const BRIGHT: f32 = 245.0;
-    let (nearest_m, farthest_m) =
-        (f32::from(around.nearest_mm) * 1e-3, f32::from(around.farthest_mm) * 1e-3);
-    let (darkest, brightest) = (f32::from(around.darkest), f32::from(around.brightest));
-    let is_known = (around.nearest_mm > 0) & (cell.depth_m > 0.0);
+    let (nearest_m, farthest_m) = (around.nearest_mm() * 1e-3, around.farthest_mm() * 1e-3);
+    let (darkest, brightest) = (around.darkest(), around.brightest());
+    let is_known = (nearest_m > 0.0) & cell.is_measured;
     let sigma_m = sigma_m(f64::from(expected_m)) as f32;
     let margin_m = FREE_M + FREE_SHARE * expected_m + 3.0 * sigma_m;
     let is_free = is_known & (nearest_m > expected_m + margin_m);
     let is_there =
         is_known & (expected_m <= farthest_m + margin_m) & (expected_m >= nearest_m - margin_m);
-    let is_alike = exposure.is_none_or(|exposure| {
-        let limit = |gray: f32| OTHER_GRAY + exposure.sigma(gray);
-        cell.is_saturated()
-            | (brightest >= BRIGHT)
-            | (cell.mean > exposure.apply(darkest) - limit(darkest))
-                & (cell.mean < exposure.apply(brightest) + limit(brightest))
-    });
+    let limit = |gray: f32| OTHER_GRAY + exposure.sigma(gray);
+    let is_alike = cell.is_incomparable
+        | (brightest >= BRIGHT)
+        | (cell.mean > exposure.apply(darkest) - limit(darkest))
+            & (cell.mean < exposure.apply(brightest) + limit(brightest));
     Look { is_free, is_same: is_there & is_alike, is_other: is_there & !is_alike }
 }
 
@@ -348,16 +420,15 @@ impl Kernel for Ranging<'_> {
             }
             for (out, three) in all.row_mut(row)[1..].iter_mut().zip(down.windows(3)) {
                 let range = three[0].and(&three[1]).and(&three[2]);
-                let millimeters = |meters: f32| (meters * 1e3).round() as u16;
-                if range.known >= LEAST_KNOWN {
-                    *out = Around {
-                        nearest_mm: millimeters(range.nearest_m),
-                        farthest_mm: millimeters(range.farthest_m),
-                        darkest: range.darkest.round() as u8,
-                        brightest: range.brightest.round() as u8,
-                        is_moving: range.is_moving,
-                    };
-                }
+                let rounded = |value: f32, most: i32| simd::floor(value + 0.5).min(most) as u32;
+                let millimeters = |meters: f32| rounded(meters * 1e3, 0xffff);
+                let grays = rounded(range.darkest, 0xff) | rounded(range.brightest, 0xff) << 8;
+                let around = Around {
+                    depths: millimeters(range.nearest_m) | millimeters(range.farthest_m) << 16,
+                    grays: grays | u32::from(range.is_moving) << 16,
+                };
+                let is_known = range.known >= LEAST_KNOWN;
+                *out = if is_known { around } else { Around::default() };
             }
         }
     }

@@ -25,6 +25,7 @@ impl Exposure {
     pub const SAME: Self = Self { gain: 1.0, offset: 0.0 };
 
     /// The later value of a gray level.
+    #[inline(always)]
     #[must_use]
     pub fn apply(&self, gray: f32) -> f32 {
         self.gain * gray + self.offset
@@ -32,6 +33,7 @@ impl Exposure {
 
     /// Standard deviation of [`Self::apply`], gray levels: half of the change, because the true change
     /// is not linear.
+    #[inline(always)]
     #[must_use]
     pub fn sigma(&self, gray: f32) -> f32 {
         0.5 * (self.apply(gray) - gray).abs()

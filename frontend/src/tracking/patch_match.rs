@@ -151,7 +151,7 @@ impl Kernel for Warping<'_> {
                 let i = row * FRAMED + column;
                 let u = center.0 + (warp.m11 * x + warp.m12 * y);
                 let v = center.1 + (warp.m21 * x + warp.m22 * y);
-                let (left, top) = (u as i32, v as i32);
+                let (left, top) = (simd::floor(u), simd::floor(v));
                 at[i] = (top * WINDOW as i32 + left) as u16;
                 (between_columns[i], between_rows[i]) = (u - left as f32, v - top as f32);
             }

@@ -367,7 +367,7 @@ impl SumResiduals<'_> {
                     }
                 }
                 for (bin, residual) in bins[at].iter_mut().zip(&residuals) {
-                    *bin = residual.abs().min(255.0) as u8;
+                    *bin = simd::floor(residual.abs().min(255.0)) as u8;
                 }
             }
         }
