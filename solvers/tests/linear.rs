@@ -220,11 +220,37 @@ fn other_shapes_are_refused() {
 #[test]
 fn the_choice_follows_the_fill() {
     let full = Cholesky::new(Arc::new(BlockPattern::full(vec![6; 30]))).unwrap();
-    assert!(matches!(full, Cholesky::Dense(_)));
+    assert!(full.is_dense());
     let chain = BlockPattern::new(vec![6; 300], (1..300).map(|i| (i, i - 1)));
     let ordered = Cholesky::order(&chain, &Interrupt::NEVER).unwrap();
     let chain = Cholesky::new(Arc::new(chain)).unwrap();
-    assert!(matches!(chain, Cholesky::Sparse(_)));
+    assert!(!chain.is_dense());
     let expected = 216.0 * (299.0 * (1.0 / 3.0 + 2.0) + 1.0 / 3.0);
     assert!((ordered.price().flops_per_iteration / expected - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn many_threads_help_where_work_is_side_by_side() {
+    let planned = |pattern: BlockPattern| {
+        let ordered = Cholesky::order(&pattern, &Interrupt::NEVER).unwrap();
+        let (work, span) = Cholesky::ordered(Arc::new(pattern), ordered).unwrap().work_and_span();
+        assert!(0.0 < span && span <= work, "{span} {work}");
+        work / span
+    };
+    // What is small is one task.
+    let chain = |from: usize, count: usize| (from + 1..from + count).map(|i| (i, i - 1));
+    assert_eq!(planned(BlockPattern::new(vec![6; 300], chain(0, 300))), 1.0);
+    // A dense front of 600: 19 panels of 32 columns, one strip of 24 columns after each.
+    let [work, span] = [
+        600.0_f64.powi(3) / 3.0,
+        32.0 * 80.0 * (0..19).map(|k| 600.0 - 32.0 * f64::from(k)).sum::<f64>(),
+    ];
+    let last = 24.0 * (24.0 + 48.0) * 24.0 - 32.0 * 80.0 * 24.0;
+    let dense = Cholesky::dense(Arc::new(BlockPattern::full(vec![6; 100]))).unwrap();
+    assert_eq!(dense.work_and_span(), (work, span + last));
+    // Two fronts that share nothing take as long as one.
+    let pairs = |from: usize| (0..100).flat_map(move |i| (0..i).map(move |j| (from + i, from + j)));
+    let one = planned(BlockPattern::new(vec![6; 100], pairs(0)));
+    let two = planned(BlockPattern::new(vec![6; 200], pairs(0).chain(pairs(100))));
+    assert!((two / one - 2.0).abs() < 1e-9, "{two} {one}");
 }

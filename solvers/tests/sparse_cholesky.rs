@@ -123,8 +123,7 @@ fn bits_depend_neither_on_threads_nor_on_fused_classes() {
         let rhs: Vec<f64> = (0..pattern.dimension()).map(|k| (k as f64).sin()).collect();
         let run = |class: Class, threads| {
             let mut solver = sparse(&pattern);
-            let Cholesky::Sparse(kernels) = &mut solver else { panic!("{solver:?}") };
-            kernels.set_class(class);
+            solver.set_class(class);
             on_threads(threads, || solver.factor(&matrix, &[]).unwrap());
             let mut x = vec![0.0; rhs.len()];
             let residual = solver.solve_checked(&matrix, &[], &rhs, &mut x);

@@ -144,7 +144,9 @@ fn plan(
     let dimension: usize = layout.block_sizes.iter().sum();
     let auto = wish == LinearSolver::Auto;
     let dense = || -> Result<Plan, SolveError> {
-        let matrix = dense_price(dimension).plus_bytes(costs.full_matrix_bytes());
+        let blocks = layout.block_sizes.len() as u64;
+        let matrix = dense_price(dimension, blocks * (blocks + 1) / 2);
+        let matrix = matrix.plus_bytes(costs.full_matrix_bytes());
         paired(layout, costs, |_slots| matrix, limits)?;
         Ok(Plan::Dense)
     };

@@ -1,18 +1,19 @@
 //! The choice between dense and sparse Cholesky, and what each takes.
 //!
+//! Both are fronts with the same kernels: a dense one is a single front in the caller's order.
 //! The choice depends on the pattern only: on its dimension and on the flops of its cheapest order.
 
 use std::sync::Arc;
 
 use super::checked::solve_checked;
-use super::dense::{DenseCholesky, dense_flops, dense_price};
 use super::error::LinearError;
 use super::matrix::BlockMatrix;
 use super::ordering::{BlockOrdering, Elimination, cheapest};
 use super::pattern::BlockPattern;
-use super::sparse::{self, SparseCholesky};
+use super::sparse::{self, Multifrontal};
 use crate::interrupt::Interrupt;
 use crate::price::{Ceiling, Price};
+use crate::simd::Class;
 
 /// Up to this dimension a system is factored dense without asking for its fill.
 const ALWAYS_DENSE: usize = 48;
@@ -21,13 +22,10 @@ const ALWAYS_DENSE: usize = 48;
 /// no indices to follow and keeps the kernels on large blocks.
 const DENSE_ADVANTAGE: f64 = 2.0;
 
-/// A Cholesky factorization, dense or sparse.
+/// A Cholesky factorization H + D = L Lᵀ, dense or sparse, planned once and renewed for each set of values.
 #[derive(Debug)]
-pub enum Cholesky {
-    /// One dense lower triangle in the caller's order.
-    Dense(DenseCholesky),
-    /// Supernodal, in a fill-reducing order.
-    Sparse(Box<SparseCholesky>),
+pub struct Cholesky {
+    fronts: Multifrontal,
 }
 
 impl Cholesky {
@@ -51,7 +49,7 @@ impl Cholesky {
         match choose(&pattern, interrupt)? {
             None => {
                 // The ordering was made all the same.
-                let price = dense_price(pattern.dimension());
+                let price = dense_price(pattern.dimension(), pattern.stored_block_count() as u64);
                 ceiling.admit(&price.plus_bytes(ordering_bytes(&pattern)))?;
                 Self::dense(pattern)
             }
@@ -77,16 +75,33 @@ impl Cholesky {
     /// Too large to index, or no memory.
     pub fn ordered(pattern: Arc<BlockPattern>, ordered: Ordered) -> Result<Self, LinearError> {
         let Ordered { ordering, elimination, .. } = ordered;
-        let sparse = SparseCholesky::planned(pattern, &ordering.order, &elimination)?;
-        Ok(Self::Sparse(Box::new(sparse)))
+        Ok(Self { fronts: Multifrontal::sparse(pattern, &ordering.order, &elimination)? })
     }
 
     /// Plans a dense factorization.
     ///
     /// # Errors
-    /// As [`DenseCholesky::new`].
+    /// Too large to index, or no memory.
     pub fn dense(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
-        Ok(Self::Dense(DenseCholesky::new(pattern)?))
+        Ok(Self { fronts: Multifrontal::dense(pattern)? })
+    }
+
+    /// Whether all of it is one front.
+    #[must_use]
+    pub fn is_dense(&self) -> bool {
+        self.fronts.front_count() <= 1
+    }
+
+    /// Flops of a factorization, and of the longest chain of its steps that wait for each other. The first over
+    /// the second bounds how many times faster many threads can be than one, memory left aside.
+    #[must_use]
+    pub fn work_and_span(&self) -> (f64, f64) {
+        self.fronts.work_and_span()
+    }
+
+    /// Uses the kernels of another instruction set, or the scalar ones where the processor lacks it.
+    pub fn set_class(&mut self, class: Class) {
+        self.fronts.set_class(class);
     }
 
     /// Factors H + D; `added_diagonal` is D, or empty for zero.
@@ -102,7 +117,7 @@ impl Cholesky {
         self.factor_until(matrix, added_diagonal, &Interrupt::NEVER)
     }
 
-    /// The same, ending once `interrupt` is due, as do solves with a sparse factor.
+    /// The same, ending once `interrupt` is due, as do solves with this factor.
     ///
     /// # Errors
     /// As [`Cholesky::factor`], and [`LinearError::Interrupted`].
@@ -112,19 +127,13 @@ impl Cholesky {
         added_diagonal: &[f64],
         interrupt: &Interrupt,
     ) -> Result<(), LinearError> {
-        match self {
-            Self::Dense(dense) => dense.factor_until(matrix, added_diagonal, interrupt),
-            Self::Sparse(sparse) => sparse.factor_until(matrix, added_diagonal, interrupt),
-        }
+        self.fronts.factor_until(matrix, added_diagonal, interrupt)
     }
 
     /// Solves in place with the last factor; without one, or with a vector of another length,
-    /// the result is NaN.
+    /// the result is NaN. So it may be once the interrupt of the factorization is due.
     pub fn solve(&mut self, rhs: &mut [f64]) {
-        match self {
-            Self::Dense(dense) => dense.solve(rhs),
-            Self::Sparse(sparse) => sparse.solve(rhs),
-        }
+        self.fronts.solve(rhs);
     }
 
     /// Solves (H + D) x = g, refines once if need be, returns ‖(H + D) x − g‖ / ‖g‖.
@@ -175,6 +184,17 @@ fn choose(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Option<Ordere
     let (ordering, elimination) = cheapest(pattern, interrupt)?;
     let is_sparse = dense_flops(dimension) > DENSE_ADVANTAGE * ordering.flops;
     Ok(is_sparse.then(|| Ordered::new(pattern, ordering, elimination)))
+}
+
+/// Flops of a dense factorization: n³/3.
+fn dense_flops(dimension: usize) -> f64 {
+    (dimension as f64).powi(3) / 3.0
+}
+
+/// What a dense factorization of so many scalars takes, of which so many blocks are stored.
+pub fn dense_price(dimension: usize, stored_blocks: u64) -> Price {
+    let bytes = sparse::dense_bytes(dimension, stored_blocks);
+    Price { bytes, flops_per_iteration: dense_flops(dimension) }
 }
 
 /// The block graph, its lists while vertices are taken out, and the work of the orderings.

@@ -6,11 +6,11 @@
 //!
 //! - [`pattern`]: which blocks are stored; [`matrix`]: their values.
 //! - [`ordering`]: elimination orders of the block graph and what they cost.
-//! - [`dense`], [`sparse`]: the two factorizations; [`cholesky`]: the choice between them.
+//! - [`sparse`]: the factorization by fronts; [`cholesky`]: the choice between many and one.
 //! - [`pcg`]: conjugate gradients, for systems whose factor would be too large.
 //!
-//! This floor knows nothing of poses, factors or losses. The sparse factorization uses the rayon
-//! pool that it is called on; all give the same bits each time, on any number of threads.
+//! This floor knows nothing of poses, factors or losses. The factorization uses the rayon pool that it is
+//! called on; all give the same bits each time, on any number of threads.
 //!
 //! | file | role |
 //! |---|---|
@@ -19,13 +19,13 @@
 //! | `ordering/minimum_degree` | approximate minimum degree |
 //! | `ordering/dissection`, `multilevel`, `refinement` | nested dissection and its separators |
 //! | `sparse/supernodes`, `plan`, `shape`, `workspace` | structure and memory, computed once |
+//! | `sparse/span` | how far more threads can help |
 //! | `sparse/front`, `columns`, `kernels` | dense work in a front |
 //! | `sparse/numeric`, `triangular` | the factorization; solves with the factor |
 //! | `sparse/growing` | a factorization that grows and pays for what changed |
 
 mod checked;
 pub mod cholesky;
-pub mod dense;
 pub mod error;
 pub mod matrix;
 pub mod ordering;
@@ -35,11 +35,10 @@ pub mod sparse;
 #[cfg(test)]
 mod tests;
 
-pub use cholesky::{Cholesky, Ordered};
-pub use dense::{DenseCholesky, dense_price};
+pub use cholesky::{Cholesky, Ordered, dense_price};
 pub use error::LinearError;
 pub use matrix::{BlockMatrix, BlockRowMut};
 pub use ordering::{BlockOrdering, OrderingMethod};
 pub use pattern::BlockPattern;
 pub use pcg::{BlockJacobi, Pcg, Solved, StoppingRule};
-pub use sparse::{GrowingCholesky, PairTerm, SparseCholesky, Updated};
+pub use sparse::{GrowingCholesky, PairTerm, Updated};

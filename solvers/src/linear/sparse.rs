@@ -1,4 +1,4 @@
-//! Sparse supernodal Cholesky of a block matrix in a fill-reducing order.
+//! Supernodal Cholesky of a block matrix: sparse in a fill-reducing order, or dense as one supernode.
 //!
 //! P (H + D) Pᵀ = L Lᵀ, with P from the block graph ([`super::ordering`]). Planning joins columns to
 //! supernodes, lays out the factor and takes all memory; factoring (multifrontal, in parallel over
@@ -22,51 +22,62 @@ mod kernels;
 mod numeric;
 mod plan;
 mod shape;
+mod span;
 mod supernodes;
 mod triangular;
 mod workspace;
 
 pub use growing::{GrowingCholesky, PairTerm, Updated};
 use plan::Plan;
-pub(super) use plan::bytes;
+pub(super) use plan::{bytes, dense_bytes};
 use triangular::Sweep;
 use workspace::Workspace;
 
-/// A sparse factorization, planned once and renewed for each set of values.
+/// A factorization, planned once and renewed for each set of values.
 #[derive(Debug)]
-pub struct SparseCholesky {
+pub(super) struct Multifrontal {
     workspace: Workspace,
     /// Of the last factorization.
     interrupt: Interrupt,
 }
 
-impl SparseCholesky {
+impl Multifrontal {
     /// Plans for a postordered order with its elimination.
-    ///
-    /// # Errors
-    /// Too large to index, or no memory.
-    pub(super) fn planned(
+    pub(super) fn sparse(
         pattern: Arc<BlockPattern>,
         order: &[u32],
         elimination: &Elimination,
     ) -> Result<Self, LinearError> {
-        let plan = Plan::new(&pattern, order, elimination)?;
+        Self::planned(Plan::new(&pattern, order, elimination)?, pattern)
+    }
+
+    /// Plans one front in the caller's order.
+    pub(super) fn dense(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
+        Self::planned(Plan::dense(&pattern)?, pattern)
+    }
+
+    fn planned(plan: Plan, pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
         let workspace = Workspace::new(pattern, plan)?;
         Ok(Self { workspace, interrupt: Interrupt::NEVER })
     }
 
-    /// Uses the kernels of another instruction set, or the scalar ones where the processor lacks it.
-    pub fn set_class(&mut self, class: Class) {
+    pub(super) fn front_count(&self) -> usize {
+        self.workspace.plan.nodes.len()
+    }
+
+    /// Flops of a factorization, and of its longest chain of steps.
+    pub(super) fn work_and_span(&self) -> (f64, f64) {
+        let plan = &self.workspace.plan;
+        let work = plan.roots.iter().map(|&root| plan.nodes[root as usize].flops).sum();
+        (work, span::span(plan))
+    }
+
+    pub(super) fn set_class(&mut self, class: Class) {
         self.workspace.set_class(class);
     }
 
-    /// Factors H + D until `interrupt` is due, as do the solves with this factor; `added_diagonal` is D,
-    /// or empty for zero.
-    ///
-    /// # Errors
-    /// Not positive definite, not finite, a matrix or diagonal of another shape, or
-    /// [`LinearError::Interrupted`].
-    pub fn factor_until(
+    /// Factors H + D until `interrupt` is due, as do the solves with this factor.
+    pub(super) fn factor_until(
         &mut self,
         matrix: &BlockMatrix,
         added_diagonal: &[f64],
@@ -77,9 +88,8 @@ impl SparseCholesky {
         Ok(())
     }
 
-    /// Solves in place with the last factor; without one, or with a vector of another length,
-    /// the result is NaN. So it may be once the interrupt of the factorization is due.
-    pub fn solve(&mut self, rhs: &mut [f64]) {
+    /// Solves in place with the last factor, or gives NaN.
+    pub(super) fn solve(&mut self, rhs: &mut [f64]) {
         let dimension = self.workspace.pattern.dimension();
         if !self.workspace.factored || rhs.len() != dimension {
             debug_assert_eq!(rhs.len(), dimension, "right-hand side of another length");

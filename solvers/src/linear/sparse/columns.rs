@@ -16,7 +16,7 @@ pub(super) const COLUMNS_PER_TASK: usize = 24;
 
 /// Columns of a panel that are factored at a time where it is dealt out, so that updates are soon in
 /// parallel.
-const DEALT_PANEL: usize = 32;
+pub(super) const DEALT_PANEL: usize = 32;
 
 /// Elements of a strip that one thread updates between two checks of the interrupt: with a panel of 64
 /// columns some 30 million flops.
@@ -57,6 +57,11 @@ pub(super) fn eliminate(
         lift(Target { columns, stride, first_row, first_column });
     });
     Ok(())
+}
+
+/// Zeros in all columns of a panel; in a large one memory may be touched for the first time.
+pub(super) fn clear(stride: usize, panel: &mut [f64], cut: Cut, interrupt: &Interrupt) {
+    strips(stride, 0, panel, cut, interrupt, |_first_column, columns| columns.fill(0.0));
 }
 
 /// Cholesky of the first `pivots` columns, all that `panel` holds; bad pivots count from its first.

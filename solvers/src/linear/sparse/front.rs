@@ -8,17 +8,32 @@
 use super::kernels::Target;
 use super::plan::{Node, Plan, Run};
 use super::shape::Shape;
+use crate::interrupt::Interrupt;
 use crate::simd::{Kernel, Lanes, WIDTH};
 
 /// Columns of a diagonal square that are added at a time.
 const DIAGONAL: usize = 8;
 
-/// The panel of node `s` with the values of H and of D, which is in the caller's order or empty.
-pub(super) fn fill(plan: &Plan, s: usize, values: &[f64], added: &[f64], panel: &mut [f64]) {
+/// Elements that are scattered between two checks of the interrupt: about a millisecond.
+const ELEMENTS_PER_CHECK: u32 = 1 << 20;
+
+/// Scatters the values of H and of D, which is in the caller's order or empty, over the panel of node `s`,
+/// which is zero. Ends early where `interrupt` is due.
+pub(super) fn fill(
+    plan: &Plan,
+    s: usize,
+    values: &[f64],
+    added: &[f64],
+    panel: &mut [f64],
+    interrupt: &Interrupt,
+) {
     let Node { first, shape: Shape { pivots, stride, .. }, .. } = plan.nodes[s];
-    panel.fill(0.0);
+    let mut steps = interrupt.in_steps(ELEMENTS_PER_CHECK);
     for entry in plan.entries.of(s) {
         let (rows, columns) = (usize::from(entry.rows), usize::from(entry.columns));
+        if steps.is_due_after(u32::from(entry.rows) * u32::from(entry.columns)) {
+            return;
+        }
         let Some(source) =
             values.get(entry.source as usize..).and_then(|v| v.get(..rows * columns))
         else {

@@ -77,7 +77,7 @@ fn subtract<L: Lanes, const R: usize, const W: usize>(
 }
 
 /// Calls `$strip::<L, W>` with the widest strip that fits `$width` columns: up to eight where they
-/// stay in registers, up to four elsewhere. The value is the width taken and the result.
+/// stay in registers, up to six elsewhere. The value is the width taken and the result.
 macro_rules! widest {
     ($lanes:ty, $width:expr, $strip:ident($($argument:expr),*)) => {
         if <$lanes>::MANY_REGISTERS {
@@ -91,6 +91,7 @@ macro_rules! widest {
             }
         } else {
             match $width {
+                6 | 7 | 9.. => (6, $strip::<$lanes, 6>($($argument),*)),
                 4.. => (4, $strip::<$lanes, 4>($($argument),*)),
                 2..4 => (2, $strip::<$lanes, 2>($($argument),*)),
                 ..2 => (1, $strip::<$lanes, 1>($($argument),*)),

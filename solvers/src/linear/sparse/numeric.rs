@@ -7,7 +7,7 @@
 //! out in strips. Each element has one owner and one order of operations, so the bits do not depend on the
 //! number of threads. The order of elimination follows the plan.
 
-use super::columns::{COLUMNS_PER_TASK, Cut, PARALLEL_FLOPS, eliminate};
+use super::columns::{COLUMNS_PER_TASK, Cut, PARALLEL_FLOPS, clear, eliminate};
 use super::front::{Lift, fill};
 use super::kernels::{BadPivot, Target};
 use super::plan::{Node, Plan, Run};
@@ -202,7 +202,8 @@ impl<'a> Numeric<'a> {
                 self.class.run(Lift { shape: child.shape, update, runs, target });
             }
         };
-        fill(self.plan, s as usize, self.values, self.added, panel);
+        clear(node.shape.stride, panel, cut, self.interrupt);
+        fill(self.plan, s as usize, self.values, self.added, panel, self.interrupt);
         eliminate(self.class, node.shape, panel, update, cut, self.interrupt, lift)
             .map_err(|bad| bad.after(node.first))
     }

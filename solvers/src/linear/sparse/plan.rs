@@ -109,17 +109,19 @@ impl Plan {
         order: &[u32],
         elimination: &Elimination,
     ) -> Result<Self, LinearError> {
-        let dimension = pattern.dimension();
-        let too_large = LinearError::TooLarge { dimension };
-        if u32::try_from(pattern.value_count()).is_err()
-            || pattern.sizes().iter().any(|&size| size > usize::from(u16::MAX))
-        {
-            return Err(too_large);
-        }
+        check_size(pattern)?;
         let sizes: Vec<usize> = order.iter().map(|&b| pattern.sizes()[b as usize]).collect();
         let supernodes = amalgamate(&sizes, elimination, FRONT);
         let ordered = supernodes.ordered(order);
-        Self::laid_out(pattern, &supernodes, &ordered).ok_or(too_large)
+        Self::laid_out(pattern, &supernodes, &ordered).ok_or_else(|| too_large(pattern))
+    }
+
+    /// Plans one front for all of `pattern`, in its own order.
+    pub(super) fn dense(pattern: &BlockPattern) -> Result<Self, LinearError> {
+        check_size(pattern)?;
+        let supernodes = Supernodes::one(pattern.block_count());
+        let ordered = supernodes.ordered(&supernodes.order);
+        Self::laid_out(pattern, &supernodes, &ordered).ok_or_else(|| too_large(pattern))
     }
 
     /// `None` where something does not fit its index. Blocks are numbered by their position.
@@ -187,6 +189,29 @@ impl Plan {
         plan.place_updates();
         Some(plan)
     }
+}
+
+fn too_large(pattern: &BlockPattern) -> LinearError {
+    LinearError::TooLarge { dimension: pattern.dimension() }
+}
+
+/// Whether values and sizes of blocks can be numbered.
+fn check_size(pattern: &BlockPattern) -> Result<(), LinearError> {
+    let is_numbered = u32::try_from(pattern.value_count()).is_ok();
+    let is_small = |&size: &usize| size <= usize::from(u16::MAX);
+    if is_numbered && pattern.sizes().iter().all(is_small) {
+        Ok(())
+    } else {
+        Err(too_large(pattern))
+    }
+}
+
+/// Bytes of planning and factoring one front of `dimension` scalars with so many stored blocks.
+pub(in super::super) fn dense_bytes(dimension: usize, stored_blocks: u64) -> u64 {
+    let n = dimension as u64;
+    // A stride is padded by up to two vectors. Sorting the blocks by node takes as much again as the list.
+    let lists = stored_blocks.saturating_mul(2 * size_of::<Entry>() as u64 + 28);
+    n.saturating_mul(8 * (n + 16)).saturating_add(lists).saturating_add(128 * n + (1 << 12))
 }
 
 /// Bytes of planning and factoring on `pattern` in the postordered `order`, from the column heights

@@ -40,6 +40,16 @@ pub(super) struct Ordered {
 }
 
 impl Supernodes {
+    /// All of `count` blocks in one, in the order given: a dense factorization.
+    pub(super) fn one(count: usize) -> Self {
+        let nodes = usize::from(count > 0);
+        Self {
+            order: (0..count as u32).collect(),
+            blocks: vec![0..count; nodes],
+            parents: vec![NO_PARENT; nodes],
+        }
+    }
+
     /// The positions of blocks that were given in `order`.
     pub(super) fn ordered(&self, order: &[u32]) -> Ordered {
         let order: Vec<u32> = self.order.iter().map(|&k| order[k as usize]).collect();
