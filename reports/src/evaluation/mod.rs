@@ -15,6 +15,7 @@
 //! | `paper_table` | the figures of the frontend's paper |
 
 mod drift;
+mod error;
 mod mask;
 mod matching;
 mod paper_table;
@@ -29,57 +30,11 @@ use covis_solvers::io::trajectory::Trajectory;
 use nalgebra::Vector3;
 
 pub use drift::rpe_over;
+pub use error::EvaluationError;
 pub use mask::{LEAST_COVERAGE, MaskEvaluation, MaskOverlap};
 use matching::{align, associate};
 pub use paper_table::{MethodFigures, PAPER_TABLE, PaperRow, paper_row};
 pub use statistics::Statistics;
-
-/// Two trajectories, or two masks, that cannot be compared.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say what the fields are")]
-pub enum EvaluationError {
-    /// No pose of one has a partner in the other.
-    #[error(
-        "no timestamps of ground truth and estimate are within {max_difference_s} s of each other"
-    )]
-    NoMatches {
-        /// The largest difference that was allowed, in seconds.
-        max_difference_s: f64,
-    },
-    /// The largest time difference is negative or not finite.
-    #[error("the largest time difference is {value} s; it must be finite and not negative")]
-    InvalidTimeDifference { value: f64 },
-    /// An RPE needs at least two matched poses.
-    #[error("{pairs} matched poses; a relative error needs two")]
-    TooFewPairs { pairs: usize },
-    /// The time over which a drift is asked for is not positive or not finite.
-    #[error("the time between two poses is {value} s; it must be finite and positive")]
-    InvalidDelta { value: f64 },
-    /// Too few poses of the estimate are this far apart and have a truth.
-    #[error("{pairs} pairs of poses are {delta_s} s apart and have ground truth; two are needed")]
-    TooFewApart {
-        pairs: usize,
-        /// The time between the poses of a pair, in seconds.
-        delta_s: f64,
-    },
-    /// Two masks of one frame differ in size.
-    #[error("the ground-truth mask has {truth} pixels, the estimated one {estimate}")]
-    UnequalMasks {
-        /// Pixels of the truth.
-        truth: usize,
-        /// Pixels of the estimate.
-        estimate: usize,
-    },
-    /// The matched positions do not determine a rotation: they lie on a line or in a point.
-    #[error(
-        "{pairs} matched positions do not determine a rotation (their covariance has rank {rank})"
-    )]
-    Degenerate {
-        pairs: usize,
-        /// Singular values of their covariance that are not zero.
-        rank: usize,
-    },
-}
 
 /// The outcome of [`ape`], [`rpe`] or [`rpe_over`].
 #[derive(Clone, Debug, PartialEq)]
