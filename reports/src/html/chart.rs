@@ -34,14 +34,36 @@ pub enum Role {
     After,
     /// What it is compared with.
     Reference,
+    /// One of several of a kind, by its number from 0. Numbers from 6 on are dashed, and colors repeat
+    /// after [`SERIES`].
+    Series(usize),
 }
 
+/// The classes of [`Role::Series`].
+const SERIES_LINES: [&str; SERIES] = [
+    "line s0",
+    "line s1",
+    "line s2",
+    "line s3",
+    "line s4",
+    "line s5",
+    "line s0 dashed",
+    "line s1 dashed",
+    "line s2 dashed",
+    "line s3 dashed",
+    "line s4 dashed",
+    "line s5 dashed",
+];
+/// How many lines of a kind can be told apart.
+pub const SERIES: usize = 12;
+
 impl Role {
-    fn line(self) -> &'static str {
+    pub(super) fn line(self) -> &'static str {
         match self {
             Self::Before => "line before",
             Self::After => "line after",
             Self::Reference => "line reference",
+            Self::Series(number) => SERIES_LINES[number % SERIES],
         }
     }
 }

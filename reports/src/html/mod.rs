@@ -23,11 +23,11 @@ mod scale;
 mod tests;
 mod thin;
 
-pub use chart::{Bar, Labels, Line, Role, Span, bars, histogram, lines};
+pub use chart::{Bar, Labels, Line, Role, SERIES, Span, bars, histogram, lines};
 use markup::Markup;
 pub use number::{count, number, quantiles};
 pub use picture::Picture;
-pub use plan::{Link, Plan, views};
+pub use plan::{Link, Paths, Plan, overlay, views};
 
 /// Rows that a table shows; what is beyond is counted below it.
 const MOST_ROWS: usize = 200;

@@ -5,7 +5,7 @@
 //! many poses shows [`MOST_POSES`] of them, of each piece the one with the largest error. The errors
 //! are the caller's.
 
-use super::chart::{LEFT, RIGHT, TOP, WIDTH, columns, path, rows};
+use super::chart::{LEFT, RIGHT, Role, TOP, WIDTH, columns, path, rows};
 use super::markup::Markup;
 use super::number::number;
 use super::picture::Picture;
@@ -48,6 +48,27 @@ pub struct Plan<'a> {
     pub links: &'a [Link],
 }
 
+/// Several paths beside what they are compared with.
+#[derive(Clone, Copy, Debug)]
+pub struct Paths<'a> {
+    /// What they are, for titles.
+    pub name: &'a str,
+    /// What they are, in a sentence without its end.
+    pub description: &'a str,
+    /// Their names, which are short, and positions, m.
+    pub paths: &'a [(String, Vec<[f64; 3]>)],
+    /// What they are compared with: its name and its positions, m.
+    pub reference: (&'a str, &'a [[f64; 3]]),
+}
+
+/// The paths from above, and from the side unless all lies in a plane.
+#[must_use]
+pub fn overlay(paths: &Paths<'_>) -> Vec<Picture> {
+    let estimates = paths.paths.iter().map(|(_, positions)| positions.as_slice());
+    let canvases = canvases(estimates.chain([paths.reference.1]));
+    canvases.into_iter().map(|(kind, canvas)| canvas.draw_paths(paths, kind)).collect()
+}
+
 /// Two positions that a closure ties.
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
@@ -62,9 +83,17 @@ pub struct Link {
 /// The picture from above, and that from the side unless the trajectory lies in a plane.
 #[must_use]
 pub fn views(plan: &Plan<'_>) -> Vec<Picture> {
+    let reference = plan.reference.map_or(&[][..], |(_, positions)| positions);
+    let canvases = canvases([plan.positions, reference]);
+    canvases.into_iter().map(|(kind, canvas)| canvas.draw(plan, kind)).collect()
+}
+
+/// What the views of positions are drawn on, with what each looks from: above, and the side unless all lies
+/// in a plane.
+fn canvases<'a>(sets: impl IntoIterator<Item = &'a [[f64; 3]]>) -> Vec<(&'static str, Canvas)> {
+    let positions: Vec<&[[f64; 3]]> = sets.into_iter().collect();
     let ranges = [0, 1, 2].map(|axis| {
-        let reference = plan.reference.map_or(&[][..], |(_, positions)| positions);
-        Scale::range(Kind::Linear, plan.positions.iter().chain(reference).map(|p| p[axis]))
+        Scale::range(Kind::Linear, positions.iter().copied().flatten().map(|p| p[axis]))
     });
     let extents = ranges.map(|(low, high)| if high >= low { high - low } else { 0.0 });
     let mut axes = [0, 1, 2];
@@ -73,13 +102,12 @@ pub fn views(plan: &Plan<'_>) -> Vec<Picture> {
     let [longest, middle, up] = axes;
     let (across, along) = (longest.min(middle), longest.max(middle));
     let bounds = [0, 1, 2].map(|axis| bounds(ranges[axis], extents[longest]));
-    let view =
-        |kind: &str, axes: [usize; 2]| Canvas::new(axes, axes.map(|a| bounds[a])).draw(plan, kind);
-    let from_above = view("from above", [across, along]);
+    let canvas = |axes: [usize; 2]| Canvas::new(axes, axes.map(|a| bounds[a]));
+    let from_above = ("from above", canvas([across, along]));
     if extents[up] <= 1e-9 * extents[longest].max(1e-300) {
         vec![from_above]
     } else {
-        vec![from_above, view("from the side", [longest, up])]
+        vec![from_above, ("from the side", canvas([longest, up]))]
     }
 }
 
@@ -123,13 +151,37 @@ impl Canvas {
         let mut body = self.axes();
         self.points(plan.points, &mut body);
         if let Some((_, reference)) = plan.reference {
-            self.line(reference, &mut body);
+            self.line(Role::Reference, reference, &mut body);
         }
         let worst = self.path(plan, &mut body);
         self.links(plan.links, &mut body);
         self.legend(plan, worst, &mut body);
         let title = format!("{} {kind}", plan.name);
         let description = self.description(plan, worst);
+        Picture::new(&title, &description, (WIDTH, self.bottom + 76.0), body)
+    }
+
+    /// Paths in colors of their own beside a reference, and the colors with their names.
+    fn draw_paths(&self, paths: &Paths<'_>, kind: &str) -> Picture {
+        let (mut body, mut x) = (self.axes(), LEFT);
+        let (reference_name, reference) = paths.reference;
+        self.line(Role::Reference, reference, &mut body);
+        let (y, baseline) = (self.bottom + 56.0, format!("{:.1}", self.bottom + 60.0));
+        for (number, (name, positions)) in paths.paths.iter().enumerate() {
+            let role = Role::Series(number);
+            self.line(role, positions, &mut body);
+            body.path(role.line(), &format!("M{x:.1} {y:.1}h16"));
+            let text = format!("{:.1}", x + 22.0);
+            body.element("text", &[("x", &text), ("y", &baseline)], name);
+            // Text cannot be measured here: a character is 7 wide at most.
+            x += 7.0 * name.chars().count() as f64 + 34.0;
+        }
+        let [a, b] = self.axes.map(|axis| AXES[axis]);
+        let description = format!(
+            "{} over {a} and {b} in meters; the gray line is {reference_name}.",
+            paths.description
+        );
+        let title = format!("{} {kind}", paths.name);
         Picture::new(&title, &description, (WIDTH, self.bottom + 76.0), body)
     }
 
@@ -191,11 +243,11 @@ impl Canvas {
         }
     }
 
-    fn line(&self, positions: &[[f64; 3]], body: &mut Markup) {
+    fn line(&self, role: Role, positions: &[[f64; 3]], body: &mut Markup) {
         let kept = thin(positions.len(), MOST_POSES, |_| 0.0);
         let inside =
             kept.iter().map(|&k| &positions[k]).filter(|p| p.iter().all(|v| v.is_finite()));
-        body.path("line reference", &path(inside.map(|position| self.at(position))));
+        body.path(role.line(), &path(inside.map(|position| self.at(position))));
     }
 
     /// The path, piece by piece of one color. Gives the error of the last color.

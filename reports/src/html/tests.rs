@@ -37,6 +37,14 @@ fn text_from_outside_never_becomes_markup() {
     let mut pictures = vec![lines(named, Span::OfValues, &[line]), bars(named, &[bar])];
     pictures.push(histogram(named, Some(&[1.0]), &[2.0]));
     pictures.extend(views(&plan));
+    let paths = [(HOSTILE.to_owned(), positions.to_vec())];
+    let reference = (HOSTILE, &positions[..]);
+    pictures.extend(overlay(&Paths {
+        name: HOSTILE,
+        description: HOSTILE,
+        paths: &paths,
+        reference,
+    }));
     let table = Table::new(HOSTILE, &[HOSTILE], vec![vec![HOSTILE.to_owned()]]);
     page.row(&pictures, &[table]);
     let html = page.finish(HOSTILE);
