@@ -16,31 +16,60 @@
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::trajectory::Trajectory;
 
-use super::{Evaluation, EvaluationError, PoseError, Statistics, evaluation};
+use super::{Alignment, Evaluation, EvaluationError, Pair, PoseError, Statistics, evaluation};
 
-/// Relative pose errors between poses of the estimate that are `delta_s` seconds apart.
+/// Relative pose errors between poses of the estimate that are `delta_s` seconds apart, without alignment.
+///
+/// # Errors
+/// As those of [`rpe_over_aligned`].
+pub fn rpe_over(
+    truth: &Trajectory,
+    estimate: &Trajectory,
+    delta_s: f64,
+) -> Result<Evaluation, EvaluationError> {
+    rpe_over_aligned(truth, estimate, delta_s, Alignment::NONE)
+}
+
+/// Relative pose errors between poses of the estimate that are `delta_s` seconds apart, after an alignment
+/// by the poses that have a truth.
 ///
 /// `pairs` of the result is how many pairs were compared. With a delta of 1 s the translation is in
 /// meters a second, and the angle in degrees a second.
 ///
 /// # Errors
 /// [`EvaluationError`] where the delta is not a positive number, fewer than two poses of either can
-/// be matched by time, or fewer than two pairs are left.
-pub fn rpe_over(
+/// be matched by time, the alignment is not determined, or fewer than two pairs are left.
+pub fn rpe_over_aligned(
     truth: &Trajectory,
     estimate: &Trajectory,
     delta_s: f64,
+    alignment: Alignment,
 ) -> Result<Evaluation, EvaluationError> {
     if !(delta_s.is_finite() && delta_s > 0.0) {
         return Err(EvaluationError::InvalidDelta { value: delta_s });
     }
-    let (truth, estimate) = (Ordered::new(truth), Ordered::new(estimate));
+    let (truth, mut estimate) = (Ordered::new(truth), Ordered::new(estimate));
     let pairs = matched_poses(&truth, &estimate);
     if pairs < 2 || truth.stamps.len() < 2 {
         return Err(EvaluationError::TooFewPairs { pairs });
     }
     let intervals: Vec<_> = truth.stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let limit = 2.0 * Statistics::of(&intervals).median;
+    let true_poses: Vec<Option<usize>> = estimate
+        .stamps
+        .iter()
+        .map(|&stamp| {
+            let nearest = truth.nearest(stamp);
+            ((truth.stamps[nearest] - stamp).abs() <= limit).then_some(nearest)
+        })
+        .collect();
+    let pair = |(i, of_truth): (usize, &Option<usize>)| {
+        let (truth, estimate_s) = (truth.poses[(*of_truth)?], estimate.stamps[i]);
+        Some(Pair { truth, estimate: estimate.poses[i], estimate_s })
+    };
+    let pairs: Vec<Pair> = true_poses.iter().enumerate().filter_map(pair).collect();
+    let truth_from_estimate = alignment.of(&pairs)?;
+    alignment.move_poses(&truth_from_estimate, estimate.poses.iter_mut());
     let last = estimate.stamps.len() - 1;
     let mut errors = Vec::new();
     for (i, &stamp) in estimate.stamps.iter().enumerate() {
@@ -48,21 +77,17 @@ pub fn rpe_over(
         if j == last {
             continue;
         }
-        let [true_i, true_j] = [i, j].map(|index| truth.nearest(estimate.stamps[index]));
-        let far = |of_truth: usize, of_estimate: usize| {
-            (truth.stamps[of_truth] - estimate.stamps[of_estimate]).abs() > limit
-        };
-        if far(true_i, i) || far(true_j, j) {
-            continue;
-        }
+        let (Some(true_i), Some(true_j)) = (true_poses[i], true_poses[j]) else { continue };
         let error = estimate.motion(i, j).inverse().compose(&truth.motion(true_i, true_j));
-        errors.push(PoseError::new(stamp, truth.poses[true_i].translation, &error));
+        let of_truth = [&truth.poses[true_i], &truth.poses[true_j]];
+        let of_estimate = [&estimate.poses[i], &estimate.poses[j]];
+        errors.push(PoseError::of_motion(stamp, of_truth, of_estimate, &error));
     }
     let pairs = errors.len();
     if pairs < 2 {
         return Err(EvaluationError::TooFewApart { pairs, delta_s });
     }
-    Ok(evaluation(pairs, Se3::identity(), errors))
+    Ok(evaluation(pairs, truth_from_estimate, errors))
 }
 
 /// A trajectory in the order of its stamps, each of them once.
@@ -131,6 +156,7 @@ mod tests {
     use covis_solvers::geometry::So3;
     use nalgebra::{Vector3, Vector6};
 
+    use super::super::Correction;
     use super::*;
 
     fn along(stamps: &[f64], pose: impl Fn(f64) -> Se3) -> Trajectory {
@@ -182,6 +208,27 @@ mod tests {
         let result = rpe_over(&along(&stamps, turn(0.5)), &along(&stamps, turn(0.6)), 1.0).unwrap();
         assert!((result.angle_deg.rmse - 0.1_f64.to_degrees()).abs() < 1e-9);
         assert!(result.translation_m.max < 1e-12);
+    }
+
+    #[test]
+    fn a_scale_of_its_own_is_corrected_by_the_poses_that_have_a_truth() {
+        let stamps = seconds(40, 0.1);
+        let path = |t: f64| Vector3::new(t.sin(), 0.3 * t, (2.0 * t).cos());
+        let pose = |scale: f64| move |t: f64| Se3::new(So3::identity(), path(t) * scale);
+        let (truth, mut estimate) = (along(&stamps, pose(1.0)), along(&stamps, pose(0.4)));
+        // Without a truth near in time, a pose does not count.
+        estimate.push(500.0, at(1e3, 1e3));
+        let over = |correction| {
+            let alignment = Alignment { correction, first_poses: None };
+            rpe_over_aligned(&truth, &estimate, 1.0, alignment).unwrap()
+        };
+        for correction in [Correction::Sim3, Correction::Scale] {
+            let result = over(correction);
+            assert!((result.truth_from_estimate.scale - 2.5).abs() < 1e-12, "{correction:?}");
+            assert!(result.translation_m.max < 1e-12, "{correction:?}");
+        }
+        assert_eq!(over(Correction::None), rpe_over(&truth, &estimate, 1.0).unwrap());
+        assert!(over(Correction::Se3).translation_m.rmse > 0.1);
     }
 
     #[test]

@@ -30,6 +30,29 @@ pub enum EvaluationError {
         /// The time between the poses of a pair, in seconds.
         delta_s: f64,
     },
+    /// The delta between the poses of a pair is no such number.
+    #[error("a delta of {delta} {unit} must be {must}")]
+    InvalidMotion {
+        delta: f64,
+        unit: &'static str,
+        /// What it must be.
+        must: &'static str,
+    },
+    /// The tolerance of a delta is negative or not finite.
+    #[error("the tolerance of the delta is {value}; it must be finite and not negative")]
+    InvalidTolerance { value: f64 },
+    /// No two poses are a delta apart.
+    #[error(
+        "no two matched poses are a delta of {delta} {unit} apart; a smaller delta, or a larger \
+         tolerance with all pairs, may find some"
+    )]
+    NoMotions { delta: f64, unit: &'static str },
+    /// There is nothing to divide a distance error by.
+    #[error(
+        "point_distance_error_ratio is a share of true motions, and the truth moves between the \
+         poses of no pair"
+    )]
+    NoRatio,
     /// Two masks of one frame differ in size.
     #[error("the ground-truth mask has {truth} pixels, the estimated one {estimate}")]
     UnequalMasks {
