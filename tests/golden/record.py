@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Runs Ceres, GTSAM and evo over every problem that the tests know and writes one JSON file a run beside this file.
 
-usage, from the project's root: python3 tests/golden/record.py [ceres|gtsam|graphs|evo|table …]     (default: all)
-`graphs` is the part of `gtsam` that solves pose graphs.
+usage, from the project's root: python3 tests/golden/record.py [ceres|gtsam|graphs|evo|sweeps|table …]     (default: all)
+`graphs` is the part of `gtsam` that solves pose graphs, `sweeps` the part of `evo` that sweeps its options.
 Needs: numpy, gtsam and evo (pip); the Ceres harness built into target/ceres, see ../shared/peers/README.md.
 `table` only prints README.md's table from what is there. Costs are printed with 13 digits by the peers;
 `evaluated_cost` is the independent evaluator's, with 17 digits, for the solution that the peer wrote, where it can write one.
@@ -138,6 +138,23 @@ def evo():
     import evo_goldens
     for name, record in evo_goldens.records(root, DATA, TWINS):
         write("evo", name, record)
+    sweeps()
+
+
+def sweeps():
+    """A case's statistics are on one line a relation: indented they would be a line a number."""
+    import evo_goldens
+    for name, record in evo_goldens.sweeps(root, DATA, TWINS):
+        cases = record.pop("cases")
+        text = json.dumps(record, indent=2)[:-2] + ',\n  "cases": ['
+        for n, case in enumerate(cases):
+            relations = case.pop("relations")
+            lines = ",\n".join(f"      {json.dumps(k)}: {json.dumps(v)}" for k, v in relations.items())
+            text += f"{',' if n else ''}\n    {json.dumps(case)[:-1]}, \"relations\": {{\n{lines}\n    }}}}"
+        os.makedirs(os.path.join(here, "evo_sweeps"), exist_ok=True)
+        with open(os.path.join(here, "evo_sweeps", name + ".json"), "w") as f:
+            f.write(text + "\n  ]\n}\n")
+        print("evo_sweeps", name, len(cases), flush=True)
 
 
 def table():
@@ -158,4 +175,4 @@ def table():
 if __name__ == "__main__":
     sys.path.insert(0, here)
     for what in sys.argv[1:] or ["ceres", "gtsam", "evo", "table"]:
-        {"ceres": ceres, "gtsam": gtsam, "graphs": graphs, "evo": evo, "table": table}[what]()
+        {"ceres": ceres, "gtsam": gtsam, "graphs": graphs, "evo": evo, "sweeps": sweeps, "table": table}[what]()

@@ -14,6 +14,8 @@ grid-100-edges.g2o   SE(2), edges only, a blank line in the middle: the start ha
 colmap-room/         COLMAP text model: 6 images, 60 points, one OPENCV and one SIMPLE_RADIAL camera; image ids have
                      gaps and their order is not that of the names (frame_2 before frame_10)
 walk-truth.txt, walk-estimate.txt   TUM trajectories at 30 Hz and about 22 Hz with jitter, in frames of their own
+mono-truth.txt, mono-estimate.txt   TUM trajectories at 10 Hz; the estimate is of one camera, with a scale of its own that
+                     drifts, and the truth rests for a while: there the ratio of an error to a motion is not defined
 """
 import os
 import sys
@@ -290,6 +292,13 @@ def room(folder):
 # ---------------------------------------------------------------- trajectories
 
 
+def write_trajectory(path, head, rows):
+    with open(path, "w") as f:
+        f.write(head)
+        for t, r, p in rows:
+            f.write(f"{t:.6f} {p[0]:.9f} {p[1]:.9f} {p[2]:.9f} " + " ".join(f"{x:.9f}" for x in quaternion(r)) + "\n")
+
+
 def walk(truth_path, estimate_path):
     rng = np.random.default_rng(30)
     t0 = 1700000000.0
@@ -298,14 +307,8 @@ def walk(truth_path, estimate_path):
         p = np.array([2 * np.sin(0.9 * t), 1.5 * np.sin(1.3 * t + 0.4), 0.4 * t])
         return exp_so3(np.array([0.2 * np.sin(t), 0.3 * np.cos(0.7 * t), 1.1 * t])), p
 
-    def write(path, head, rows):
-        with open(path, "w") as f:
-            f.write(head)
-            for t, r, p in rows:
-                f.write(f"{t:.6f} {p[0]:.9f} {p[1]:.9f} {p[2]:.9f} " + " ".join(f"{x:.9f}" for x in quaternion(r)) + "\n")
-
     stamps = np.round(t0 + np.arange(90) / 30, 6)
-    write(truth_path, "# timestamp tx ty tz qx qy qz qw\n", [(t, *at(t - t0)) for t in stamps])
+    write_trajectory(truth_path, "# timestamp tx ty tz qx qy qz qw\n", [(t, *at(t - t0)) for t in stamps])
     # the estimate: another frame, jittered times (some past 10 ms of any true one), drift and noise
     times = np.sort(np.round(t0 - 0.03 + np.arange(64) / 21.7 + rng.normal(0, 0.006, 64), 6))
     # two estimates that share one true pose, and one past the end of the truth but within 10 ms of it
@@ -316,7 +319,24 @@ def walk(truth_path, estimate_path):
         drift = drift + rng.normal(0, 0.004, 3)
         p = p + drift + rng.normal(0, 0.002, 3)
         rows.append((t, frame_r @ r @ exp_so3(rng.normal(0, 0.004, 3)), frame_r @ p + frame_t))
-    write(estimate_path, "# a synthetic estimate\n", rows)
+    write_trajectory(estimate_path, "# a synthetic estimate\n", rows)
+
+
+def mono(truth_path, estimate_path):
+    rng = np.random.default_rng(31)
+    t0 = 1600000000.0
+    frame_r, frame_t, truth, estimate = exp_so3(np.array([-0.9, 0.4, 1.7])), np.array([-1.0, 0.2, 4]), [], []
+    for k in range(70):
+        # Seconds of motion: it rests from 3 s to 3.6 s.
+        s = 0.1 * (k if k < 30 else max(k - 6, 30))
+        p = np.array([1.2 * np.sin(0.8 * s), 0.5 * np.sin(1.7 * s), 0.9 * np.cos(0.6 * s)])
+        r = exp_so3(np.array([0.4 * np.sin(0.9 * s), 0.7 * s, 0.3 * np.cos(s)]))
+        t = t0 + 0.1 * k
+        truth.append((t, r, p))
+        q = 0.37 * (1 + 0.004 * k) * (frame_r @ (p + rng.normal(0, 0.004, 3))) + frame_t
+        estimate.append((t + rng.uniform(-0.004, 0.004), frame_r @ r @ exp_so3(rng.normal(0, 0.006, 3)), q))
+    write_trajectory(truth_path, "# timestamp tx ty tz qx qy qz qw\n", truth)
+    write_trajectory(estimate_path, "# a synthetic estimate of one camera\n", estimate)
 
 
 def main():
@@ -328,6 +348,7 @@ def main():
     grid(inside("grid-100-edges.g2o"), 100, 101, False)
     room(inside("colmap-room"))
     walk(inside("walk-truth.txt"), inside("walk-estimate.txt"))
+    mono(inside("mono-truth.txt"), inside("mono-estimate.txt"))
 
 
 if __name__ == "__main__":
