@@ -9,6 +9,7 @@ mod cli_convert;
 mod cli_edit;
 mod cli_eval;
 mod cli_eval_mask;
+mod cli_eval_options;
 mod cli_fuse;
 mod cli_hurry;
 mod cli_job;

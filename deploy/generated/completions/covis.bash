@@ -717,7 +717,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__eval__subcmd__ape)
-            opts="-h --format --max-time-difference --report --json --config --log --log-format --help"
+            opts="-h --format --max-time-difference --n-to-align --report --json --align --pose-relation --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -731,8 +731,20 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --n-to-align)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --report)
                     COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --align)
+                    COMPREPLY=($(compgen -W "se3 sim3 scale none origin" -- "${cur}"))
+                    return 0
+                    ;;
+                --pose-relation)
+                    COMPREPLY=($(compgen -W "trans_part rot_part full angle_deg angle_rad point_distance" -- "${cur}"))
                     return 0
                     ;;
                 --config)
@@ -869,7 +881,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__eval__subcmd__rpe)
-            opts="-h --format --max-time-difference --report --json --per-second --delta-s --config --log --log-format --help"
+            opts="-h --format --max-time-difference --n-to-align --report --json --align --pose-relation --delta --delta-unit --all-pairs --delta-tol --pairs-from-reference --per-second --delta-s --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -883,7 +895,31 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --n-to-align)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --report)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --align)
+                    COMPREPLY=($(compgen -W "se3 sim3 scale none origin" -- "${cur}"))
+                    return 0
+                    ;;
+                --pose-relation)
+                    COMPREPLY=($(compgen -W "trans_part rot_part full angle_deg angle_rad point_distance point_distance_error_ratio" -- "${cur}"))
+                    return 0
+                    ;;
+                --delta)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --delta-unit)
+                    COMPREPLY=($(compgen -W "f m d r" -- "${cur}"))
+                    return 0
+                    ;;
+                --delta-tol)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;

@@ -94,33 +94,66 @@ complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_su
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "ape" -d 'Absolute pose error after SE(3) alignment'
-complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a fixed time'
+complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "ape" -d 'Absolute pose error of aligned trajectories'
+complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a number of poses, a path, an angle or a time'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "mask" -d 'Intersection over union of masks of moving objects, and the share that they mask falsely'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "truth" -d 'Write the ground-truth poses beside recorded images as a trajectory'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l format -d 'Format of both files [default: detected from names and first lines]' -r -f -a "tum\t'TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l format -d 'Format of all files [default: detected from names and first lines]' -r -f -a "tum\t'TUM trajectory'
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l max-time-difference -d 'Timestamps match within this many seconds' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l n-to-align -d 'Fit the alignment to this many matched poses from the start [default: all]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l align -d 'What is corrected before the comparison' -r -f -a "se3\t'Rotation and translation (evo\'s -a)'
+sim3\t'Rotation, translation and scale (-as), for one camera'
+scale\t'The scale alone (-s)'
+none\t'Nothing: both are in one frame'
+origin\t'The first matched pose becomes the true one (--align_origin)'"
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l pose-relation -d 'The error that stands first and that reports draw, by evo\'s names' -r -f -a "trans_part\t'Length of the translation error, m'
+rot_part\t'Frobenius norm of R - I of the error'
+full\t'Frobenius norm of E - I of the error'
+angle_deg\t'Angle of the rotation error, degrees'
+angle_rad\t'Angle of the rotation error, radians'
+point_distance\t'Difference of the distances moved, m'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l format -d 'Format of both files [default: detected from names and first lines]' -r -f -a "tum\t'TUM trajectory'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l format -d 'Format of all files [default: detected from names and first lines]' -r -f -a "tum\t'TUM trajectory'
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l max-time-difference -d 'Timestamps match within this many seconds' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l n-to-align -d 'Fit the alignment to this many matched poses from the start [default: all]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l align -d 'What is corrected before the comparison. Only the scale changes relative errors' -r -f -a "se3\t'Rotation and translation (evo\'s -a)'
+sim3\t'Rotation, translation and scale (-as), for one camera'
+scale\t'The scale alone (-s)'
+none\t'Nothing: both are in one frame'
+origin\t'The first matched pose becomes the true one (--align_origin)'"
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l pose-relation -d 'The error that stands first and that reports draw, by evo\'s names' -r -f -a "trans_part\t'Length of the translation error, m'
+rot_part\t'Frobenius norm of R - I of the error'
+full\t'Frobenius norm of E - I of the error'
+angle_deg\t'Angle of the rotation error, degrees'
+angle_rad\t'Angle of the rotation error, radians'
+point_distance\t'Difference of the distances moved, m'
+point_distance_error_ratio\t'The same over the true distance, percent'"
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l delta -d 'How far apart the poses of a pair are, in the unit of --delta-unit' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l delta-unit -d 'Unit of --delta' -r -f -a "f\t'Matched poses'
+m\t'Meters of path'
+d\t'Degrees of rotation'
+r\t'Radians of rotation'"
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l delta-tol -d 'With --all-pairs, path or angle may differ from --delta by this share of it' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l delta-s -d 'Measure over this time' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l json -d 'Print one JSON object instead of a table'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l all-pairs -d 'Begin a pair at each pose; otherwise each begins where the last one ended'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l pairs-from-reference -d 'Measure path and angle along the truth, so that all estimates have the same pairs; otherwise along the estimate'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l per-second -d 'Measure over one second, as the TUM scripts do: the drift in m/s and deg/s'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
@@ -140,8 +173,8 @@ complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcom
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "ape" -d 'Absolute pose error after SE(3) alignment'
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a fixed time'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "ape" -d 'Absolute pose error of aligned trajectories'
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a number of poses, a path, an angle or a time'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "mask" -d 'Intersection over union of masks of moving objects, and the share that they mask falsely'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "truth" -d 'Write the ground-truth poses beside recorded images as a trajectory'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
@@ -765,8 +798,8 @@ complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_su
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "worker" -d 'Solve problem files of servers\' jobs until SIGTERM or ctrl-c, in builds with the feature `cluster`'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "solve" -d 'Solve a file: bundle adjustment or pose graph'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "ape" -d 'Absolute pose error after SE(3) alignment'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a fixed time'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "ape" -d 'Absolute pose error of aligned trajectories'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a number of poses, a path, an angle or a time'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "mask" -d 'Intersection over union of masks of moving objects, and the share that they mask falsely'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "truth" -d 'Write the ground-truth poses beside recorded images as a trajectory'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from synth" -f -a "rgbd" -d 'An RGB-D sequence of an indoor scene: color, depth, ground truth of the camera, masks of moving objects'

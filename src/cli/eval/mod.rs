@@ -1,24 +1,31 @@
-//! `covis eval`: the errors of a trajectory, or of masks of what moves, against the truth.
+//! `covis eval`: the errors of trajectories, or of masks of what moves, against the truth.
 //!
-//! The figures agree with `evo_ape tum … -a` and `evo_rpe tum …`; with `--per-second` or
-//! `--delta-s` with `evaluate_rpe.py` of the TUM RGB-D benchmark. All mathematics is in
-//! [`crate::evaluation`].
+//! The figures agree with `evo_ape tum …` and `evo_rpe tum …`, by default with those of `evo_ape -a` and
+//! `evo_rpe`; with `--per-second` or `--delta-s` with `evaluate_rpe.py` of the TUM RGB-D benchmark. All
+//! mathematics is in [`crate::evaluation`]. Arguments are here, `measure` is what they ask for in words,
+//! `output` prints it and `page` is the report.
 
 pub(super) mod mask;
+mod measure;
+mod output;
+mod page;
 pub(super) mod truth;
 
-use std::path::PathBuf;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use clap::builder::TypedValueParser;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
-use serde::Serialize;
 
-use super::choices;
+use self::measure::{Measure, Motions};
+use super::choices::{self, Choices, choice, choice_of};
 use super::formats::{of_trajectories, read_trajectory};
-use super::html::{self, ReportFlag};
+use super::html::ReportFlag;
 use super::output::show;
-use crate::evaluation::{self, Evaluation, Statistics};
-use crate::report::{Page, Table, count, number};
+use crate::evaluation::{
+    self, Correction, DeltaUnit, Evaluation, EvaluationError, MotionPairs, PoseRelation, Statistics,
+};
 
 /// Arguments of `covis eval`.
 #[derive(Debug, clap::Args)]
@@ -29,9 +36,10 @@ pub(super) struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Metric {
-    /// Absolute pose error after SE(3) alignment.
-    Ape(Files),
-    /// Relative pose error from one matched pose to the next, or over a fixed time.
+    /// Absolute pose error of aligned trajectories.
+    Ape(Absolute),
+    /// Relative pose error from one matched pose to the next, or over a number of poses, a path, an angle or
+    /// a time.
     Rpe(Relative),
     /// Intersection over union of masks of moving objects, and the share that they mask falsely.
     Mask(mask::Args),
@@ -40,21 +48,71 @@ enum Metric {
 }
 
 #[derive(Debug, clap::Args)]
+struct Absolute {
+    #[command(flatten)]
+    files: Files,
+    /// What is corrected before the comparison.
+    #[arg(long, value_name = "HOW", value_parser = choice(CORRECTIONS), default_value = "se3")]
+    align: Correction,
+    /// The error that stands first and that reports draw, by evo's names.
+    #[arg(long, value_name = "RELATION", value_parser = of_poses(), default_value = "trans_part")]
+    pose_relation: PoseRelation,
+}
+
+#[derive(Debug, clap::Args)]
 struct Relative {
     #[command(flatten)]
     files: Files,
+    /// What is corrected before the comparison. Only the scale changes relative errors.
+    #[arg(long, value_name = "HOW", value_parser = choice(CORRECTIONS), default_value = "none")]
+    align: Correction,
+    /// The error that stands first and that reports draw, by evo's names.
+    #[arg(long, value_name = "RELATION", value_parser = choice(RELATIONS))]
+    #[arg(default_value = "trans_part")]
+    pose_relation: PoseRelation,
+    /// How far apart the poses of a pair are, in the unit of --delta-unit.
+    #[arg(long, value_name = "NUMBER", default_value_t = 1.0, value_parser = distance)]
+    delta: f64,
+    /// Unit of --delta.
+    #[arg(long, value_name = "UNIT", value_parser = choice(UNITS), default_value = "f")]
+    delta_unit: DeltaUnit,
+    /// Begin a pair at each pose; otherwise each begins where the last one ended.
+    #[arg(long)]
+    all_pairs: bool,
+    /// With --all-pairs, path or angle may differ from --delta by this share of it.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = share)]
+    #[arg(requires = "all_pairs")]
+    delta_tol: f64,
+    /// Measure path and angle along the truth, so that all estimates have the same pairs; otherwise along
+    /// the estimate.
+    #[arg(long)]
+    pairs_from_reference: bool,
     /// Measure over one second, as the TUM scripts do: the drift in m/s and deg/s.
     #[arg(long, conflicts_with_all = ["delta_s", "max_time_difference"])]
+    #[arg(conflicts_with_all = PAIRING)]
     per_second: bool,
     /// Measure over this time.
     #[arg(long, value_name = "SECONDS", value_parser = time_delta)]
-    #[arg(conflicts_with = "max_time_difference")]
+    #[arg(conflicts_with = "max_time_difference", conflicts_with_all = PAIRING)]
     delta_s: Option<f64>,
 }
 
+/// What has no meaning where pairs are told by time.
+const PAIRING: [&str; 5] =
+    ["delta", "delta_unit", "all_pairs", "delta_tol", "pairs_from_reference"];
+
 impl Relative {
-    fn delta_s(&self) -> Option<f64> {
-        if self.per_second { Some(1.0) } else { self.delta_s }
+    fn motions(&self) -> Motions {
+        match if self.per_second { Some(1.0) } else { self.delta_s } {
+            Some(delta_s) => Motions::Over { delta_s },
+            None => Motions::Between(MotionPairs {
+                delta: self.delta,
+                unit: self.delta_unit,
+                all_pairs: self.all_pairs,
+                tolerance: self.delta_tol,
+                from_truth: self.pairs_from_reference,
+            }),
+        }
     }
 }
 
@@ -63,19 +121,58 @@ struct Files {
     /// The ground truth: a TUM, KITTI or EuRoC file, or a recorded folder with groundtruth.txt (TUM) or
     /// frame-*.pose.txt (7-Scenes).
     truth: PathBuf,
-    /// The estimated trajectory, in any frame.
-    estimate: PathBuf,
-    /// Format of both files [default: detected from names and first lines].
+    /// The estimated trajectories, each in any frame.
+    #[arg(required = true, value_name = "ESTIMATE")]
+    estimates: Vec<PathBuf>,
+    /// Format of all files [default: detected from names and first lines].
     #[arg(long, value_name = "FORMAT", value_parser = of_trajectories())]
     format: Option<TrajectoryFormat>,
     /// Timestamps match within this many seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.01, value_parser = time_difference)]
     max_time_difference: f64,
+    /// Fit the alignment to this many matched poses from the start [default: all].
+    #[arg(long, value_name = "COUNT", value_parser = poses)]
+    n_to_align: Option<NonZeroUsize>,
     #[command(flatten)]
     report: ReportFlag,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
+}
+
+const CORRECTIONS: &Choices<Correction> = &[
+    ("se3", Correction::Se3, "Rotation and translation (evo's -a)"),
+    ("sim3", Correction::Sim3, "Rotation, translation and scale (-as), for one camera"),
+    ("scale", Correction::Scale, "The scale alone (-s)"),
+    ("none", Correction::None, "Nothing: both are in one frame"),
+    ("origin", Correction::Origin, "The first matched pose becomes the true one (--align_origin)"),
+];
+
+const RELATIONS: &Choices<PoseRelation> = &[
+    ("trans_part", PoseRelation::TranslationPart, "Length of the translation error, m"),
+    ("rot_part", PoseRelation::RotationPart, "Frobenius norm of R - I of the error"),
+    ("full", PoseRelation::Full, "Frobenius norm of E - I of the error"),
+    ("angle_deg", PoseRelation::AngleDeg, "Angle of the rotation error, degrees"),
+    ("angle_rad", PoseRelation::AngleRad, "Angle of the rotation error, radians"),
+    ("point_distance", PoseRelation::PointDistance, "Difference of the distances moved, m"),
+    (
+        "point_distance_error_ratio",
+        PoseRelation::PointDistanceErrorRatio,
+        "The same over the true distance, percent",
+    ),
+];
+
+const UNITS: &Choices<DeltaUnit> = &[
+    ("f", DeltaUnit::Frames, "Matched poses"),
+    ("m", DeltaUnit::Meters, "Meters of path"),
+    ("d", DeltaUnit::Degrees, "Degrees of rotation"),
+    ("r", DeltaUnit::Radians, "Radians of rotation"),
+];
+
+/// Takes a relation that single poses have.
+fn of_poses() -> impl TypedValueParser<Value = PoseRelation> {
+    let is_ratio = |relation| relation == PoseRelation::PointDistanceErrorRatio;
+    choice_of(RELATIONS.iter().copied().filter(move |&(_, relation, _)| !is_ratio(relation)))
 }
 
 fn time_difference(text: &str) -> Result<f64, String> {
@@ -88,157 +185,87 @@ fn time_delta(text: &str) -> Result<f64, String> {
     choices::number(text, MUST, |s: &f64| s.is_finite() && *s > 0.0)
 }
 
-/// The object of `--json`. evo's default, the translation, also stands at the top level.
-#[derive(Debug, Serialize)]
-struct Document {
-    metric: &'static str,
-    /// The time between the poses of a pair; without it, they are neighbors.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    delta_s: Option<f64>,
-    truth_poses: usize,
-    estimate_poses: usize,
-    pairs: usize,
-    #[serde(flatten)]
-    default: Statistics,
-    translation_m: Statistics,
-    angle_deg: Statistics,
-    rotation_part: Statistics,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    alignment: Option<Alignment>,
+fn poses(text: &str) -> Result<NonZeroUsize, String> {
+    choices::number(text, "must be a number of poses, at least 1", |_| true)
 }
 
-/// `truth_from_estimate`.
-#[derive(Debug, Serialize)]
-struct Alignment {
-    rotation: [[f64; 3]; 3],
-    translation: [f64; 3],
+fn distance(text: &str) -> Result<f64, String> {
+    choices::number(text, "must be finite and positive", |d: &f64| d.is_finite() && *d > 0.0)
 }
 
-/// What is measured of a trajectory.
-#[derive(Clone, Copy)]
-enum Measure {
-    Absolute,
-    Neighbors,
-    Over { delta_s: f64 },
+fn share(text: &str) -> Result<f64, String> {
+    choices::number(text, "must be finite and not negative", |s: &f64| s.is_finite() && *s >= 0.0)
 }
 
-/// Reads both files, compares, prints.
+/// An estimate and what was found about it.
+struct Compared<'a> {
+    path: &'a Path,
+    poses: usize,
+    result: Evaluation,
+    /// Statistics of the relation that was asked for.
+    first: Statistics,
+}
+
+/// Reads the files, compares, prints.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let (measure, files) = match &args.metric {
         Metric::Mask(args) => return mask::run(args),
         Metric::Truth(args) => return truth::run(args),
-        Metric::Ape(files) => (Measure::Absolute, files),
+        Metric::Ape(absolute) => {
+            (Measure::new(None, absolute.align, absolute.pose_relation), &absolute.files)
+        }
         Metric::Rpe(relative) => {
-            let over = relative.delta_s().map(|delta_s| Measure::Over { delta_s });
-            (over.unwrap_or(Measure::Neighbors), &relative.files)
+            let motions = Some(relative.motions());
+            (Measure::new(motions, relative.align, relative.pose_relation), &relative.files)
         }
     };
-    let (truth, truth_has_times) = truth::read(&files.truth, files.format)?;
-    let (estimate, format) = read_trajectory(&files.estimate, files.format)?;
+    let measure = measure.by_first_poses(files.n_to_align)?;
+    let (truth, has_times) = truth::read(&files.truth, files.format)?;
+    let compared =
+        files.estimates.iter().map(|path| compare(&measure, files, &truth, has_times, path));
+    let compared: Vec<Compared<'_>> = compared.collect::<anyhow::Result<_>>()?;
+    files.report.write(|| page::page(&measure, &truth, &compared))?;
+    let document = output::document(&measure, truth.len(), &compared);
+    show(files.json, &document, || output::table(&measure, truth.len(), &compared))?;
+    files.report.tell(files.json)
+}
+
+fn compare<'a>(
+    measure: &Measure,
+    files: &Files,
+    truth: &Trajectory,
+    truth_has_times: bool,
+    path: &'a Path,
+) -> anyhow::Result<Compared<'a>> {
+    let (estimate, format) = read_trajectory(path, files.format)?;
     if truth_has_times != format.has_times() {
-        let (truth, estimate) = (files.truth.display(), files.estimate.display());
+        let (truth, estimate) = (files.truth.display(), path.display());
         let without = if truth_has_times { &estimate } else { &truth };
         bail!(
             "{truth} and {estimate}: KITTI's poses have no times and cannot be matched with others; \
              `covis convert {without} OUT.txt --times FILE` adds times"
         );
     }
-    let result = match measure {
-        Measure::Absolute => evaluation::ape(&truth, &estimate, files.max_time_difference),
-        Measure::Neighbors => evaluation::rpe(&truth, &estimate, files.max_time_difference),
-        Measure::Over { delta_s } => evaluation::rpe_over(&truth, &estimate, delta_s),
+    let evaluate = || -> Result<_, EvaluationError> {
+        let (most, alignment) = (files.max_time_difference, measure.alignment);
+        let result = match &measure.motions {
+            None => evaluation::ape_aligned(truth, &estimate, most, alignment),
+            Some(Motions::Between(pairs)) => {
+                evaluation::rpe_between(truth, &estimate, most, alignment, pairs)
+            }
+            Some(Motions::Over { delta_s }) => {
+                evaluation::rpe_over_aligned(truth, &estimate, *delta_s, alignment)
+            }
+        }?;
+        let first = result.statistics(measure.relation)?;
+        Ok((result, first))
     };
-    let result = result
-        .with_context(|| format!("{} and {}", files.truth.display(), files.estimate.display()))?;
-    let poses = (truth.len(), estimate.len());
-    files.report.write(|| page(measure, &truth, poses, &result))?;
-    show(files.json, &document(measure, poses, &result), || table(measure, poses, &result))?;
-    files.report.tell(files.json)
-}
-
-fn document(measure: Measure, poses: (usize, usize), result: &Evaluation) -> Document {
-    let motion = &result.truth_from_estimate;
-    let matrix = motion.rotation.matrix();
-    let alignment = Alignment {
-        rotation: [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)])),
-        translation: motion.translation.into(),
-    };
-    let (metric, delta_s) = match measure {
-        Measure::Absolute => ("ape", None),
-        Measure::Neighbors => ("rpe", None),
-        Measure::Over { delta_s } => ("rpe", Some(delta_s)),
-    };
-    Document {
-        metric,
-        delta_s,
-        truth_poses: poses.0,
-        estimate_poses: poses.1,
-        pairs: result.pairs,
-        default: result.translation_m,
-        translation_m: result.translation_m,
-        angle_deg: result.angle_deg,
-        rotation_part: result.rotation_part,
-        alignment: matches!(measure, Measure::Absolute).then_some(alignment),
+    let (result, first) =
+        evaluate().with_context(|| format!("{} and {}", files.truth.display(), path.display()))?;
+    let left_out = result.errors.len() - first.count;
+    if left_out > 0 {
+        let (path, relation) = (path.display(), measure.relation.name());
+        tracing::warn!("{path}: {left_out} pairs without a true motion are left out of {relation}");
     }
-}
-
-/// The page: the figures of the table, and where, when and how large the errors are.
-fn page(
-    measure: Measure,
-    truth: &Trajectory,
-    (true_poses, estimated_poses): (usize, usize),
-    result: &Evaluation,
-) -> Page {
-    let counts = [
-        ("true poses", count(true_poses)),
-        ("estimated poses", count(estimated_poses)),
-        ("pairs", count(result.pairs)),
-    ];
-    let mut title = title(measure);
-    if let Some(first) = title.get_mut(..1) {
-        first.make_ascii_uppercase();
-    }
-    let mut page = html::page(&title, &counts);
-    let row = |(name, translation, angle): (&str, f64, f64)| {
-        vec![name.to_owned(), number(translation), number(angle)]
-    };
-    let head = ["figure", "translation, m", "rotation, deg"];
-    page.table(&Table::new("Errors", &head, rows(result).map(row).into()));
-    let is_absolute = matches!(measure, Measure::Absolute);
-    html::trajectory::errors(&mut page, truth, &result.errors, is_absolute);
-    page
-}
-
-fn title(measure: Measure) -> String {
-    match measure {
-        Measure::Absolute => "absolute pose error, SE(3) aligned".to_owned(),
-        Measure::Neighbors => "relative pose error, one matched pose to the next".to_owned(),
-        Measure::Over { delta_s } => format!("relative pose error over {delta_s} s"),
-    }
-}
-
-/// The figures by their names, of translations and of rotations.
-fn rows(result: &Evaluation) -> [(&'static str, f64, f64); 7] {
-    let (translations, angles) = (&result.translation_m, &result.angle_deg);
-    [
-        ("rmse", translations.rmse, angles.rmse),
-        ("mean", translations.mean, angles.mean),
-        ("median", translations.median, angles.median),
-        ("std", translations.std, angles.std),
-        ("min", translations.min, angles.min),
-        ("max", translations.max, angles.max),
-        ("sse", translations.sse, angles.sse),
-    ]
-}
-
-fn table(measure: Measure, poses: (usize, usize), result: &Evaluation) -> String {
-    let title = title(measure);
-    let mut text = format!(
-        "{title}\n{} pairs of {} true and {} estimated poses\n\n{:>8}  {:>16}  {:>14}",
-        result.pairs, poses.0, poses.1, "", "translation (m)", "rotation (deg)"
-    );
-    for (name, translation, angle) in rows(result) {
-        text.push_str(&format!("\n{name:>8}  {translation:>16.6}  {angle:>14.6}"));
-    }
-    text
+    Ok(Compared { path, poses: estimate.len(), result, first })
 }
