@@ -3,7 +3,7 @@
 
 - pose graphs in SE(2) and SE(3): `covis solve pose-graph` beside GTSAM, from the file's vertices
 - bundle adjustment: `covis solve bundle` beside scipy's least squares over numpy's residuals
-- trajectories: `covis eval ape` and `rpe` beside evo
+- trajectories: `covis eval ape` and `rpe` beside evo, with an alignment, a pose relation and a delta by chance
 
 A cost is compared with what numpy finds in the file too, before and after the solve. A solve disagrees
 where covis ends above the other, where what it tells is not numpy's cost, or where it does not end well.
@@ -182,21 +182,32 @@ def compare_trajectory(covis: Covis, rng: np.random.Generator, path: Path) -> tu
             if rng.random() < 0.9:
                 b.write(line(stamp + rng.uniform(-0.012, 0.012) * (rng.random() < 0.7), off))
     wrong, answered = [], True
-    for name, relative in (("ape", False), ("rpe", True)):
-        document = covis("eval", name, truth_path, path, "--format", "tum")
+    relations = {"trans_part": "translation_part", "rot_part": "rotation_part", "full": "full_transformation",
+                 "angle_deg": "rotation_angle_deg", "angle_rad": "rotation_angle_rad",
+                 "point_distance": "point_distance", "point_distance_error_ratio": "point_distance_error_ratio"}
+    alignments = {"se3": {"align": True}, "sim3": {"align": True, "correct_scale": True}, "none": {},
+                  "scale": {"correct_scale": True}, "origin": {"align_origin": True}}
+    units = {"f": metrics.Unit.frames, "m": metrics.Unit.meters, "d": metrics.Unit.degrees, "r": metrics.Unit.radians}
+    for name, evaluate in (("ape", ape), ("rpe", rpe)):
+        align, relation = rng.choice(list(alignments)), rng.choice(list(relations)[:6 if name == "ape" else 7])
+        given, options = ["--align", align, "--pose-relation", relation], dict(alignments[align])
+        if name == "rpe":
+            unit, all_pairs = rng.choice(list(units)), bool(rng.random() < 0.5)
+            low, high = {"f": (1, 8), "m": (0.1, 2.0), "d": (5.0, 90.0), "r": (0.1, 1.5)}[unit]
+            delta = int(rng.integers(low, high)) if unit == "f" else rng.uniform(low, high)
+            given += ["--delta", str(delta), "--delta-unit", unit] + ["--all-pairs"] * all_pairs
+            options.update(delta=float(delta), delta_unit=units[unit], all_pairs=all_pairs)
+        document = covis("eval", name, truth_path, path, "--format", "tum", *given)
+        name = " ".join([name, *given])
         try:
             files = [file_interface.read_tum_trajectory_file(str(file)) for file in (truth_path, path)]
             pairs = sync.associate_trajectories(*files, max_diff=0.01)
-            for key, relation in (("translation_m", metrics.PoseRelation.translation_part),
-                                  ("angle_deg", metrics.PoseRelation.rotation_angle_deg)):
-                result = (rpe(*pairs, relation, delta=1.0, delta_unit=metrics.Unit.frames) if relative
-                          else ape(*pairs, relation, align=True))
-                if "error" in document:
-                    wrong.append((f"{name} fails", document["error"][0], result.stats["rmse"]))
-                    break
-                ours = document[key]
-                wrong += [(f"{name} {key} {statistic}", ours[statistic], value)
-                          for statistic, value in result.stats.items() if differs(ours[statistic], value, 1e-7)]
+            result = evaluate(*pairs, metrics.PoseRelation[relations[relation]], **options)
+            if "error" in document:
+                wrong.append((f"{name} fails", document["error"][0], result.stats["rmse"]))
+                continue
+            wrong += [(f"{name} {statistic}", document[statistic], value)
+                      for statistic, value in result.stats.items() if differs(document[statistic], value, 1e-7)]
         except Exception:  # evo has exceptions of several packages.
             answered = False
     return wrong, answered
