@@ -5,8 +5,6 @@
 //! color image alone it shares the nearest depth image: to a tracker a frame less is a leap.
 //! The limit follows from the rates of the two lists. It knows times alone and opens no image.
 
-use super::list::Entry;
-
 /// What the TUM scripts allow; at 30 Hz the nearest image is at most 17 ms away.
 const LEAST_DIFFERENCE_S: f64 = 0.02;
 /// Longer ago the camera was elsewhere: depth that late cannot be laid on the color.
@@ -17,15 +15,15 @@ const INTERVALS: f64 = 0.55;
 /// How far apart the two images of a frame may be, seconds: about half the interval of the list with
 /// the higher rate. So each image of the slower list finds its nearest in the other one, whatever the
 /// rates are and however the two are shifted, and none is paired with an image much farther away.
-pub(super) fn max_difference_s(color: &[Entry], depth: &[Entry]) -> f64 {
+pub(super) fn max_difference_s(color: &[f64], depth: &[f64]) -> f64 {
     let intervals = [color, depth].into_iter().filter_map(median_interval_s);
     let shortest = intervals.min_by(f64::total_cmp).unwrap_or(0.0);
     (INTERVALS * shortest).clamp(LEAST_DIFFERENCE_S, MOST_DIFFERENCE_S)
 }
 
 /// The median of the times between neighbors of different times.
-fn median_interval_s(entries: &[Entry]) -> Option<f64> {
-    let mut times: Vec<f64> = entries.iter().map(|entry| entry.timestamp_s).collect();
+fn median_interval_s(times: &[f64]) -> Option<f64> {
+    let mut times = times.to_vec();
     times.sort_unstable_by(f64::total_cmp);
     let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
     let mut intervals: Vec<f64> = steps.filter(|&step| step > 0.0).collect();
@@ -35,18 +33,17 @@ fn median_interval_s(entries: &[Entry]) -> Option<f64> {
 
 /// For each color image the index of its depth image.
 pub(super) fn nearest_pairs(
-    color: &[Entry],
-    depth: &[Entry],
+    color: &[f64],
+    depth: &[f64],
     max_difference_s: f64,
 ) -> Vec<Option<usize>> {
     let mut by_time: Vec<usize> = (0..depth.len()).collect();
-    by_time.sort_by(|&a, &b| depth[a].timestamp_s.total_cmp(&depth[b].timestamp_s));
+    by_time.sort_by(|&a, &b| depth[a].total_cmp(&depth[b]));
     let mut pairs = Vec::new();
-    for (c, entry) in color.iter().enumerate() {
-        let time = entry.timestamp_s;
-        let first = by_time.partition_point(|&d| depth[d].timestamp_s <= time - max_difference_s);
+    for (c, &time) in color.iter().enumerate() {
+        let first = by_time.partition_point(|&d| depth[d] <= time - max_difference_s);
         for &d in &by_time[first..] {
-            let difference = (depth[d].timestamp_s - time).abs();
+            let difference = (depth[d] - time).abs();
             if difference >= max_difference_s {
                 break;
             }
@@ -72,40 +69,32 @@ pub(super) fn nearest_pairs(
 mod tests {
     use super::*;
 
-    fn entries(times: &[f64]) -> Vec<Entry> {
-        let entry = |&timestamp_s| Entry { timestamp_s, path: "x".into(), line: 1 };
-        times.iter().map(entry).collect()
-    }
-
     #[test]
     fn the_nearest_pair_goes_first_and_uses_its_images_up() {
         // The second color image is nearer to the only depth image than the first one is.
-        let pairs = nearest_pairs(&entries(&[1.000, 1.012]), &entries(&[1.010]), 0.02);
-        assert_eq!(
-            nearest_pairs(&entries(&[1.000, 1.012]), &entries(&[1.010, 0.981]), 0.02),
-            [Some(1), Some(0)]
-        );
+        let pairs = nearest_pairs(&[1.000, 1.012], &[1.010], 0.02);
+        assert_eq!(nearest_pairs(&[1.000, 1.012], &[1.010, 0.981], 0.02), [Some(1), Some(0)]);
         // Without another one the first shares it.
         assert_eq!(pairs, [Some(0), Some(0)]);
         // The first loses its nearest to the second and takes the other one.
-        let pairs = nearest_pairs(&entries(&[1.000, 1.004]), &entries(&[0.985, 1.003]), 0.02);
+        let pairs = nearest_pairs(&[1.000, 1.004], &[0.985, 1.003], 0.02);
         assert_eq!(pairs, [Some(0), Some(1)]);
     }
 
     #[test]
     fn images_too_far_apart_are_no_pair_and_order_does_not_matter() {
-        let pairs = nearest_pairs(&entries(&[3.0, 1.0, 2.0]), &entries(&[2.001, 3.5, 0.999]), 0.02);
+        let pairs = nearest_pairs(&[3.0, 1.0, 2.0], &[2.001, 3.5, 0.999], 0.02);
         assert_eq!(pairs, [None, Some(2), Some(0)]);
-        assert_eq!(nearest_pairs(&entries(&[1.0]), &[], 0.02), [None]);
-        assert_eq!(nearest_pairs(&entries(&[0.0]), &entries(&[0.02]), 0.02), [None]);
+        assert_eq!(nearest_pairs(&[1.0], &[], 0.02), [None]);
+        assert_eq!(nearest_pairs(&[0.0], &[0.02], 0.02), [None]);
     }
 
     /// Images at this rate, the first at `from`.
-    fn at_rate(hz: f64, from: f64, count: u32) -> Vec<Entry> {
-        entries(&(0..count).map(|i| from + f64::from(i) / hz).collect::<Vec<_>>())
+    fn at_rate(hz: f64, from: f64, count: u32) -> Vec<f64> {
+        (0..count).map(|i| from + f64::from(i) / hz).collect()
     }
 
-    fn pairs(color: &[Entry], depth: &[Entry]) -> Vec<Option<usize>> {
+    fn pairs(color: &[f64], depth: &[f64]) -> Vec<Option<usize>> {
         nearest_pairs(color, depth, max_difference_s(color, depth))
     }
 
@@ -133,8 +122,7 @@ mod tests {
 
     #[test]
     fn the_limit_has_bounds_whatever_the_times_are() {
-        let limit =
-            |color: &[f64], depth: &[f64]| max_difference_s(&entries(color), &entries(depth));
+        let limit = max_difference_s;
         assert_eq!(limit(&[], &[1.0]), LEAST_DIFFERENCE_S);
         assert_eq!(limit(&[1.0, 1.0], &[2.0]), LEAST_DIFFERENCE_S);
         assert_eq!(limit(&[0.0, 1e300], &[-1e300, 1e300]), MOST_DIFFERENCE_S);

@@ -26,8 +26,11 @@ pub(super) fn listing(folder: &Path) -> Result<Listing, InputError> {
     }
     let color = list::read(folder, COLOR_LIST)?;
     let depth = list::read(folder, DEPTH_LIST)?;
-    let max_difference_s = association::max_difference_s(&color, &depth);
-    let partner = association::nearest_pairs(&color, &depth, max_difference_s);
+    let times =
+        [&color, &depth].map(|list| list.iter().map(|entry| entry.timestamp_s).collect::<Vec<_>>());
+    let [color_times, depth_times] = &times;
+    let max_difference_s = association::max_difference_s(color_times, depth_times);
+    let partner = association::nearest_pairs(color_times, depth_times, max_difference_s);
     let colors = color.len();
     let frame = |(color, partner): (list::Entry, Option<usize>)| {
         let depth = &depth[partner?];
