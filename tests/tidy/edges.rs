@@ -68,7 +68,7 @@ struct Room {
     why: &'static str,
 }
 
-const ROOMS: [Room; 24] = [
+const ROOMS: [Room; 25] = [
     Room {
         rooms: &["store/src/meter"],
         except: &[],
@@ -251,6 +251,13 @@ const ROOMS: [Room; 24] = [
         forbidden: &["mcap"],
         but: &[],
         why: "the format of recordings is known in one place",
+    },
+    Room {
+        rooms: &["src", "client", "dense", "frontend", "map", "reports", "solvers", "store"],
+        except: &["frontend/src/input/recording/storage/database"],
+        forbidden: &["rusqlite*"],
+        but: &[],
+        why: "that some bags are databases is known in one place",
     },
     Room {
         rooms: &["src"],

@@ -5,6 +5,7 @@
 use std::path::PathBuf;
 
 use super::decode::DecodeError;
+use super::recording::{MessageError, RecordingError};
 
 /// A source that cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -84,6 +85,9 @@ pub enum InputError {
         /// How many there are.
         found: usize,
     },
+    /// A recording cannot be used.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
     /// A focal length is not positive.
     #[error("camera {from}: {field} is {value} px, which is not positive")]
     Focal {
@@ -115,6 +119,21 @@ pub enum FrameError {
         path: PathBuf,
         /// Why.
         source: DecodeError,
+    },
+    /// A message cannot be read from its file.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// A message of the frame cannot be used.
+    #[error("{}: {topic} at {timestamp_s:.6} s: {source}", path.display())]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// The message's time.
+        timestamp_s: f64,
+        /// Why.
+        source: MessageError,
     },
     /// The frame's images, or this frame and those before, have different sizes.
     #[error("{}: {}x{} pixels, not {}x{}", path.display(), found.0, found.1, expected.0, expected.1)]

@@ -16,7 +16,7 @@ use super::{FolderOptions, FrameSource, SensorTiming};
 use crate::image::RgbdFrame;
 
 /// Depth images that are looked at for the depth scale.
-const SCALE_IMAGES: usize = 5;
+pub(super) const SCALE_IMAGES: usize = 5;
 /// RGB-D cameras measure nothing nearer than 0.3 to 0.5 m. A recording of which a tenth is nearer
 /// than this has another scale: millimeters that are read as 5000 units a meter bring the first
 /// 1.75 m in front of the camera below it.
@@ -84,7 +84,7 @@ pub struct ImplausibleDepth {
 
 impl ImplausibleDepth {
     /// What the values of a few depth images say, where they are implausible.
-    fn of(mut values: Vec<u16>, units_per_m: f32) -> Option<Self> {
+    pub(super) fn of(mut values: Vec<u16>, units_per_m: f32) -> Option<Self> {
         values.sort_unstable();
         let last = values.len().checked_sub(1)?;
         let meters = |index: usize| f32::from(values[index]) / units_per_m;

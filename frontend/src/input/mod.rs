@@ -1,4 +1,4 @@
-//! Where frames come from: recorded folders, and whatever else is a [`FrameSource`].
+//! Where frames come from: recorded folders, recordings of ROS 2, and whatever else is a [`FrameSource`].
 //!
 //! A source opens or fails as a whole ([`InputError`]); afterwards each frame is read or reported on
 //! its own ([`FrameError`]), and the next one follows. Nothing here opens the truth that lies beside
@@ -7,6 +7,7 @@
 //! | file | role |
 //! |---|---|
 //! | `folder`, `tum`, `seven_scenes` | a recorded folder, and its layouts |
+//! | [`recording`] | MCAP files and rosbag2 folders |
 //! | `list`, `association`, `timing` | lists of timed files, pairs in time, times of rows and depth |
 //! | `pair`, `decode`, `encode` | one frame from its files; PNG and JPEG |
 //! | `camera_file` | intrinsics of a folder |
@@ -22,6 +23,7 @@ mod folder;
 pub mod fuzzing;
 mod list;
 mod pair;
+pub mod recording;
 pub mod seven_scenes;
 mod timing;
 pub mod tum;

@@ -1,0 +1,37 @@
+//! The fuzz target of recordings: the messages of ROS 2.
+//!
+//! Built for tests and with the feature `fuzzing` only. Each function takes any bytes and panics where a
+//! promise is broken.
+
+use super::messages::{self, CameraInfo, CompressedImage, Kind, RawImage, Sample};
+use super::{camera_info, images};
+use crate::camera::FrameCamera;
+
+/// A ROS 2 message, as each of those that are read.
+pub fn ros_message(input: &[u8]) {
+    let _time = messages::timestamp_s(input);
+    for kind in [Kind::Image, Kind::CompressedImage, Kind::CameraInfo, Kind::Other] {
+        let _told = Sample::of(kind, input);
+    }
+    if let Ok(image) = RawImage::read(input) {
+        assert!(image.data.len() <= input.len(), "more data than the message has");
+        if let Ok(depth) = images::depth(&image, None) {
+            let is_depth = |&d: &f32| d.is_finite() && d >= 0.0;
+            assert!(depth.pixels().iter().all(is_depth), "no depth in meters");
+        }
+        let _color = images::color(&image);
+    }
+    if let Ok(image) = CompressedImage::read(input) {
+        let _color = images::compressed_color(&image);
+        let _depth = images::compressed_depth(&image, None);
+    }
+    if let Ok(info) = CameraInfo::read(input)
+        && let Ok(camera) = camera_info::camera(&info, false)
+    {
+        assert!(camera.fx > 0.0 && camera.fy > 0.0, "{camera:?}");
+        if let Some(camera) = FrameCamera::new(camera, 8, 6) {
+            let rays = camera.rays().pixels().as_flattened();
+            assert!(rays.iter().all(|ray| ray.is_finite()), "{:?}", camera.model());
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The ROS 2 messages that are read, from CDR: images, compressed images, cameras, and the header that
+//! they begin with. Fields and their order are those of `std_msgs` and `sensor_msgs`.
+//!
+//! Data are borrowed from the message. What pixels mean is for `images`, what a camera means for
+//! `camera_info`.
+
+use super::cdr::Cdr;
+use super::error::MessageError;
+
+/// What a topic's messages are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Image,
+    CompressedImage,
+    CameraInfo,
+    /// Something else, or something that is not CDR.
+    Other,
+}
+
+impl Kind {
+    /// By the names of the type and of the encoding.
+    pub(super) fn of(type_name: &str, encoding: &str) -> Self {
+        match type_name {
+            _ if encoding != "cdr" => Self::Other,
+            "sensor_msgs/msg/Image" => Self::Image,
+            "sensor_msgs/msg/CompressedImage" => Self::CompressedImage,
+            "sensor_msgs/msg/CameraInfo" => Self::CameraInfo,
+            _ => Self::Other,
+        }
+    }
+}
+
+/// `std_msgs/msg/Header`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Header<'a> {
+    /// Seconds; `None` where the driver left it 0.
+    pub(super) timestamp_s: Option<f64>,
+    pub(super) frame_id: &'a str,
+}
+
+impl<'a> Header<'a> {
+    fn read(cdr: &mut Cdr<'a>) -> Result<Self, MessageError> {
+        let timestamp_s = stamp(cdr)?;
+        Ok(Self { timestamp_s, frame_id: cdr.text("header.frame_id")? })
+    }
+}
+
+fn stamp(cdr: &mut Cdr<'_>) -> Result<Option<f64>, MessageError> {
+    let (seconds, nanoseconds) = (cdr.i32("header.stamp.sec")?, cdr.u32("header.stamp.nanosec")?);
+    let timestamp_s = f64::from(seconds) + f64::from(nanoseconds) * 1e-9;
+    Ok((timestamp_s != 0.0).then_some(timestamp_s))
+}
+
+/// The time in the header of a message of which the beginning is known, seconds.
+pub(super) fn timestamp_s(head: &[u8]) -> Option<f64> {
+    stamp(&mut Cdr::new(head).ok()?).ok().flatten()
+}
+
+/// What the beginning of an image tells.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Sample {
+    pub(super) frame_id: String,
+    /// `encoding` of an image, `format` of a compressed one.
+    pub(super) encoding: String,
+    /// Columns and rows; not known of a compressed image.
+    pub(super) size: Option<(usize, usize)>,
+}
+
+impl Sample {
+    /// From the first bytes of a message; what they do not tell stays empty.
+    pub(super) fn of(kind: Kind, head: &[u8]) -> Self {
+        let read = || -> Result<Self, MessageError> {
+            let mut cdr = Cdr::new(head)?;
+            let frame_id = Header::read(&mut cdr)?.frame_id.to_owned();
+            Ok(match kind {
+                Kind::Image => {
+                    let (height, width) = (cdr.u32("height")? as usize, cdr.u32("width")? as usize);
+                    let encoding = cdr.text("encoding")?.to_owned();
+                    Self { frame_id, encoding, size: Some((width, height)) }
+                }
+                Kind::CompressedImage => {
+                    Self { frame_id, encoding: cdr.text("format")?.to_owned(), size: None }
+                }
+                Kind::CameraInfo => {
+                    let (height, width) = (cdr.u32("height")? as usize, cdr.u32("width")? as usize);
+                    Self { frame_id, encoding: String::new(), size: Some((width, height)) }
+                }
+                Kind::Other => Self::default(),
+            })
+        };
+        read().unwrap_or_default()
+    }
+}
+
+/// `sensor_msgs/msg/Image`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct RawImage<'a> {
+    pub(super) height: u32,
+    pub(super) width: u32,
+    pub(super) encoding: &'a str,
+    pub(super) is_big: bool,
+    /// Bytes a row.
+    pub(super) step: u32,
+    pub(super) data: &'a [u8],
+}
+
+impl<'a> RawImage<'a> {
+    pub(super) fn read(message: &'a [u8]) -> Result<Self, MessageError> {
+        let mut cdr = Cdr::new(message)?;
+        Header::read(&mut cdr)?;
+        Ok(Self {
+            height: cdr.u32("height")?,
+            width: cdr.u32("width")?,
+            encoding: cdr.text("encoding")?,
+            is_big: cdr.u8("is_bigendian")? != 0,
+            step: cdr.u32("step")?,
+            data: cdr.bytes("data")?,
+        })
+    }
+}
+
+/// `sensor_msgs/msg/CompressedImage`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct CompressedImage<'a> {
+    pub(super) format: &'a str,
+    pub(super) data: &'a [u8],
+}
+
+impl<'a> CompressedImage<'a> {
+    pub(super) fn read(message: &'a [u8]) -> Result<Self, MessageError> {
+        let mut cdr = Cdr::new(message)?;
+        Header::read(&mut cdr)?;
+        Ok(Self { format: cdr.text("format")?, data: cdr.bytes("data")? })
+    }
+}
+
+/// `sensor_msgs/msg/CameraInfo`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct CameraInfo<'a> {
+    pub(super) model: &'a str,
+    /// Coefficients of the distortion; 0 behind the last.
+    pub(super) d: [f64; 14],
+    /// The matrix of the raw image, by rows.
+    pub(super) k: [f64; 9],
+    /// The matrix of the rectified image, by rows of 4.
+    pub(super) p: [f64; 12],
+    /// Whether each pixel is one of the sensor's, from its corner on.
+    pub(super) is_whole: bool,
+}
+
+impl<'a> CameraInfo<'a> {
+    pub(super) fn read(message: &'a [u8]) -> Result<Self, MessageError> {
+        let mut cdr = Cdr::new(message)?;
+        Header::read(&mut cdr)?;
+        for field in ["height", "width"] {
+            cdr.u32(field)?;
+        }
+        let model = cdr.text("distortion_model")?;
+        let (d, _) = cdr.numbers("d")?;
+        let k = cdr.array("k")?;
+        cdr.array::<9>("r")?;
+        let p = cdr.array("p")?;
+        let binning = [cdr.u32("binning_x")?, cdr.u32("binning_y")?];
+        let offset = [cdr.u32("roi.x_offset")?, cdr.u32("roi.y_offset")?];
+        let is_whole = binning.iter().all(|&b| b < 2) && offset == [0, 0];
+        Ok(Self { model, d, k, p, is_whole })
+    }
+}

@@ -1,0 +1,182 @@
+//! Recordings of ROS 2 as a source of frames: MCAP files, and rosbag2 folders of MCAP or SQLite files.
+//!
+//! One pass over the files makes an index of times and places; frames are then read one by one, so that a
+//! recording may be larger than memory. Topics are found by type and name, or named by the caller. Images
+//! have the time of their header (the recorder's where the driver left it 0), and are paired as those of a
+//! folder. A recording whose end is missing is read as far as it goes.
+//!
+//! | file | role |
+//! |---|---|
+//! | `bag` | the files of a folder, in order |
+//! | `storage/` | MCAP and SQLite: the pass over a file, and single messages |
+//! | `index` | topics, times and places |
+//! | `topics` | which topics are color, depth and camera |
+//! | `cdr`, `messages` | ROS 2 messages from bytes |
+//! | `images`, `camera_info` | what pixels and lenses mean |
+//! | `source` | the frames |
+//! | `error` | what is wrong with a recording or a message, and what the caller should know |
+
+mod bag;
+mod camera_info;
+mod cdr;
+mod error;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) mod fuzzing;
+mod images;
+mod index;
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod made;
+mod messages;
+mod source;
+mod storage;
+mod topics;
+
+use std::path::Path;
+
+use covis_solvers::geometry::PinholeRadialTangential;
+
+pub use error::{Fault, MessageError, Note, RecordingError};
+pub use topics::{Role, TopicNames, TopicSummary};
+
+use super::error::InputError;
+use super::folder::ImplausibleDepth;
+use super::{FrameSource, camera_file};
+use index::{Index, Topic};
+use messages::CameraInfo;
+use source::{Files, RecordedFrames};
+use storage::Storage;
+
+/// What a caller knows better than a recording.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RecordingOptions<'a> {
+    /// Intrinsics: what [`camera_file::parse_argument`] reads.
+    pub camera: Option<&'a str>,
+    /// Units of a depth image a meter, more than 0; else 16-bit depth is in millimeters.
+    pub depth_units_per_m: Option<f32>,
+    /// Topics.
+    pub topics: TopicNames<'a>,
+}
+
+/// A recording, opened.
+pub struct OpenRecording {
+    /// Its frames.
+    pub source: Box<dyn FrameSource>,
+    /// The topics that are used: color, depth, and the camera's where the caller gave no camera.
+    pub used: Vec<TopicSummary>,
+    /// The topics that are not.
+    pub unused: Vec<TopicSummary>,
+    /// What the caller should know.
+    pub notes: Vec<Note>,
+    /// Set where no depth scale was given and millimeters do not fit the first depth images.
+    pub implausible_depth: Option<ImplausibleDepth>,
+}
+
+/// Whether a folder is a rosbag2 recording: it has a `metadata.yaml`, or files of one.
+#[must_use]
+pub fn is_bag(folder: &Path) -> bool {
+    bag::is_bag(folder)
+}
+
+/// Opens a recording: an MCAP file, a SQLite file of a bag, or a rosbag2 folder. Goes through all of it once.
+///
+/// # Errors
+/// [`InputError`] where files cannot be read, topics are missing or ambiguous, the camera or the depth scale
+/// cannot be used, or no images belong together.
+pub fn open_recording(
+    path: &Path,
+    options: RecordingOptions<'_>,
+) -> Result<OpenRecording, InputError> {
+    if let Some(value) =
+        options.depth_units_per_m.filter(|units| !(units.is_finite() && *units > 0.0))
+    {
+        return Err(InputError::DepthScale { value });
+    }
+    let (paths, note) = bag::files(path)?;
+    let mut index = Index::default();
+    note.into_iter().for_each(|note| index.note(note));
+    for (number, file) in paths.iter().enumerate() {
+        Storage::open(file)?.scan(number, &mut index)?;
+    }
+    let (topics, mut notes) = index.finish();
+    let (color, depth) = topics::images(path, &topics, options.topics)?;
+    let mut files = Files::new(paths);
+    let (camera, info) = match options.camera {
+        Some(given) => (camera_file::parse_argument(given)?, None),
+        None => {
+            let info = topics::camera_info(path, &topics, color, options.topics.camera_info)?;
+            (camera_of(path, &mut files, info, color)?, Some(info))
+        }
+    };
+    check_registration(path, &mut files, &topics, [color, depth], &mut notes)?;
+    let units = options.depth_units_per_m;
+    let mut source = RecordedFrames::new(path, files, camera, [color, depth], units, &mut notes)?;
+    let implausible_depth = source.implausible_depth();
+    let is_used = |topic: &&Topic| {
+        [Some(color), Some(depth), info].iter().flatten().any(|used| std::ptr::eq(*used, *topic))
+    };
+    let (used, unused): (Vec<_>, Vec<_>) = topics.iter().partition(is_used);
+    let summaries = |topics: Vec<&Topic>| topics.into_iter().map(Topic::summary).collect();
+    Ok(OpenRecording {
+        source: Box::new(source),
+        used: summaries(used),
+        unused: summaries(unused),
+        notes,
+        implausible_depth,
+    })
+}
+
+/// The camera that the first message of a topic tells, for images that may be rectified.
+fn camera_of(
+    path: &Path,
+    files: &mut Files,
+    info: &Topic,
+    images: &Topic,
+) -> Result<PinholeRadialTangential, RecordingError> {
+    let failed =
+        |source| RecordingError::Camera { path: path.to_owned(), topic: info.name.clone(), source };
+    let Some(first) = info.messages.first() else {
+        return Err(failed(MessageError::Short { field: "the topic", bytes: 0 }));
+    };
+    // image_pipeline calls the rectified image of `image_raw` so.
+    let is_rectified = images.name.split('/').any(|part| part.starts_with("image_rect"));
+    let message = CameraInfo::read(files.read(first.place)?).map_err(failed)?;
+    camera_info::camera(&message, is_rectified).map_err(failed)
+}
+
+/// Depth must be as if color's camera had taken it: where the sizes differ it is not, where the frames differ
+/// the cameras must be the same.
+fn check_registration(
+    path: &Path,
+    files: &mut Files,
+    topics: &[Topic],
+    [color, depth]: [&Topic; 2],
+    notes: &mut Vec<Note>,
+) -> Result<(), RecordingError> {
+    if let (Some(color_size), Some(depth_size)) = (color.sample.size, depth.sample.size)
+        && color_size != depth_size
+    {
+        return Err(RecordingError::Unregistered {
+            path: path.to_owned(),
+            color: color.name.clone(),
+            depth: depth.name.clone(),
+            color_size,
+            depth_size,
+        });
+    }
+    let frames = [color, depth].map(|topic| topic.sample.frame_id.clone());
+    if frames[0] == frames[1] {
+        return Ok(());
+    }
+    let cameras = [color, depth].map(|images| {
+        let info = topics::info_beside(topics, images)?;
+        camera_of(path, files, info, images).ok()
+    });
+    if cameras[0].is_none() || cameras[0] != cameras[1] {
+        let [color, depth] = frames;
+        notes.push(Note::OtherFrame { color, depth });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
