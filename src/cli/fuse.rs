@@ -31,7 +31,8 @@ const POSE_REACH_S: f64 = 0.02;
 /// Arguments of `covis fuse`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
+    /// mcap:FILE or bag:FOLDER (recordings of ROS 2), tum:FOLDER (TUM RGB-D or 7-Scenes layout), or
+    /// synthetic:SCENE. The path of a recording is enough.
     source: Source,
     /// Poses of the camera: a TUM or EuRoC trajectory, or a recorded folder with ground truth beside its
     /// images. Poses are interpolated; frames without a pose within 0.02 s are skipped.

@@ -79,6 +79,7 @@ mod process;
 mod proto_compat;
 mod proxy;
 mod random_calls;
+mod recordings;
 mod reference;
 mod relocalization;
 mod replay;

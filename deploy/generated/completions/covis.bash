@@ -977,7 +977,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__fuse)
-            opts="-h --poses --out --voxel --truncation-voxels --memory-mb --remesh --max-depth --camera --depth-scale --threads --seed --frames --json --config --log --log-format --help"
+            opts="-h --poses --out --voxel --truncation-voxels --memory-mb --remesh --max-depth --camera --depth-scale --color-topic --depth-topic --camera-info-topic --threads --seed --frames --json --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1016,6 +1016,18 @@ _covis() {
                     return 0
                     ;;
                 --depth-scale)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --color-topic)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --depth-topic)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --camera-info-topic)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -3987,7 +3999,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__run)
-            opts="-h --map --out --format --camera --depth-scale --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --ca --cert --key --token-file --server --config --log --log-format --help"
+            opts="-h --map --out --format --camera --depth-scale --color-topic --depth-topic --camera-info-topic --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --ca --cert --key --token-file --server --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4010,6 +4022,18 @@ _covis() {
                     return 0
                     ;;
                 --depth-scale)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --color-topic)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --depth-topic)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --camera-info-topic)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;

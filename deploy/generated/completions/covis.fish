@@ -186,7 +186,10 @@ complete -c covis -n "__fish_covis_using_subcommand fuse" -l memory-mb -d 'Maxim
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l remesh -d 'Update the surface after each frame, at most this many changed blocks, oldest first; the rest waits for later frames [default: compute the surface at the end]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l max-depth -d 'Maximum depth that is used, meters' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l camera -d 'Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3]' -r
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes and for 16-bit depth of ROS, 1 for its 32-bit depth]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l color-topic -d 'Topic of the color images of an MCAP file or a bag [default: found by type and name]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l depth-topic -d 'Topic of the depth images, registered to color [default: found by type and name]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l camera-info-topic -d 'Topic of the camera\'s intrinsics [default: camera_info beside the color images]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l threads -d 'Threads [default: all processors]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l seed -d 'Seed of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l frames -d 'Frames of a synthetic scene' -r
@@ -644,9 +647,12 @@ complete -c covis -n "__fish_covis_using_subcommand run" -l format -d 'Format of
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand run" -l camera -d 'Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l readout-ms -d 'Time from the first row\'s exposure to the last row\'s [default: from camera.txt, else a Kinect\'s 26.1]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l depth-late-ms -d 'How much later than their timestamps depth images are taken [default: from camera.txt, else -15]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes and for 16-bit depth of ROS, 1 for its 32-bit depth]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l color-topic -d 'Topic of the color images of an MCAP file or a bag [default: found by type and name]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l depth-topic -d 'Topic of the depth images, registered to color [default: found by type and name]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l camera-info-topic -d 'Topic of the camera\'s intrinsics [default: camera_info beside the color images]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l readout-ms -d 'Time from the first row\'s exposure to the last row\'s [default: from camera.txt, else a Kinect\'s 26.1; of an MCAP file or a bag 0]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l depth-late-ms -d 'How much later than their timestamps depth images are taken [default: from camera.txt, else -15; of an MCAP file or a bag 0]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l mask-dir -d 'Masks of known moving objects, one PNG file per frame: above 127 where something moves, named by the frame\'s timestamp' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l voxel -d 'Edge length of a voxel, meters' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l truncation-voxels -d 'Truncation distance, voxels' -r

@@ -41,6 +41,7 @@ impl Truth {
                 };
                 Ok(Self { trajectory, masks })
             }
+            Source::Recording(..) => Ok(Self { trajectory: None, masks: None }),
             Source::Synthetic(scene, options) => Self::draw(&Sequence::new(*scene, options), out),
         }
     }

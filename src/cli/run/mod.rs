@@ -50,7 +50,8 @@ const CLIENT: &str = "frontend";
 /// Arguments of `covis run`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
+    /// mcap:FILE or bag:FOLDER (recordings of ROS 2), tum:FOLDER (TUM RGB-D or 7-Scenes layout), or
+    /// synthetic:SCENE. The path of a recording is enough.
     source: Source,
     /// The map to create on the server.
     #[arg(long, value_name = "NAME", default_value = "run")]
@@ -64,11 +65,11 @@ pub(super) struct Args {
     #[command(flatten)]
     recorded: Recorded,
     /// Time from the first row's exposure to the last row's [default: from camera.txt, else a
-    /// Kinect's 26.1].
+    /// Kinect's 26.1; of an MCAP file or a bag 0].
     #[arg(long, value_name = "MILLISECONDS")]
     readout_ms: Option<f64>,
     /// How much later than their timestamps depth images are taken [default: from camera.txt, else
-    /// -15].
+    /// -15; of an MCAP file or a bag 0].
     #[arg(long, value_name = "MILLISECONDS", allow_negative_numbers = true)]
     depth_late_ms: Option<f64>,
     /// Do not detect moving objects.

@@ -1,9 +1,10 @@
-//! Where `covis run` gets its frames: `tum:FOLDER` or `synthetic:SCENE`. It reports what it had to
-//! assume; [`crate::frontend::input`] does the reading.
+//! Where `covis run` gets its frames: a recorded folder, a recording of ROS 2, or a synthetic scene; a path
+//! without a word before it is looked at. It reports what it had to assume; [`crate::frontend::input`] does
+//! the reading.
 
 use std::collections::VecDeque;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::{Context, bail, ensure};
@@ -13,8 +14,12 @@ use super::super::choices::number;
 use super::interrupt::Interrupt;
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::image::RgbdFrame;
+use crate::frontend::input::recording::{
+    OpenRecording, RecordingOptions, TopicNames, is_bag, open_recording,
+};
 use crate::frontend::input::{
-    CameraOrigin, FolderOptions, FrameError, FrameSource, SensorTiming, open_folder,
+    CameraOrigin, FolderOptions, FrameError, FrameSource, ImplausibleDepth, SensorTiming,
+    open_folder, tum,
 };
 use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions, SyntheticSource};
 
@@ -23,6 +28,8 @@ use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions, Synthetic
 pub(in crate::cli) enum Source {
     /// A recorded folder.
     Folder(PathBuf),
+    /// A recording of ROS 2: an MCAP file, a bag's database or a bag's folder, and how it was named.
+    Recording(&'static str, PathBuf),
     /// A scene, and how it is drawn.
     Synthetic(SceneName, SequenceOptions),
 }
@@ -32,6 +39,7 @@ impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Folder(folder) => write!(f, "tum:{}", folder.display()),
+            Self::Recording(kind, path) => write!(f, "{kind}:{}", path.display()),
             Self::Synthetic(scene, ..) => write!(f, "synthetic:{scene}"),
         }
     }
@@ -43,14 +51,20 @@ impl FromStr for Source {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.split_once(':') {
             Some(("tum", folder)) if !folder.is_empty() => Ok(Self::Folder(folder.into())),
+            Some(("mcap", file)) if !file.is_empty() => Ok(Self::Recording("mcap", file.into())),
+            Some(("bag", path)) if !path.is_empty() => Ok(Self::Recording("bag", path.into())),
             Some(("synthetic", scene)) => {
                 let scene = scene.parse().map_err(|error| format!("{error}"))?;
                 Ok(Self::Synthetic(scene, SequenceOptions::default()))
             }
-            _ => Err("must be tum:FOLDER or synthetic:SCENE".to_owned()),
+            _ => Self::of_path(Path::new(text)).ok_or_else(|| MUST.to_owned()),
         }
     }
 }
+
+/// What a source can be.
+const MUST: &str =
+    "must be mcap:FILE, bag:FOLDER, tum:FOLDER, synthetic:SCENE, or the path of a recording";
 
 /// What the user knows better than a recorded folder.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -59,9 +73,64 @@ pub(in crate::cli) struct Recorded {
     #[arg(long, value_name = "FILE|NUMBERS")]
     camera: Option<String>,
     /// Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout,
-    /// 1000 for 7-Scenes].
+    /// 1000 for 7-Scenes and for 16-bit depth of ROS, 1 for its 32-bit depth].
     #[arg(long, value_name = "N", value_parser = depth_scale)]
     depth_scale: Option<f32>,
+    /// Topic of the color images of an MCAP file or a bag [default: found by type and name].
+    #[arg(long, value_name = "TOPIC")]
+    color_topic: Option<String>,
+    /// Topic of the depth images, registered to color [default: found by type and name].
+    #[arg(long, value_name = "TOPIC")]
+    depth_topic: Option<String>,
+    /// Topic of the camera's intrinsics [default: camera_info beside the color images].
+    #[arg(long, value_name = "TOPIC")]
+    camera_info_topic: Option<String>,
+}
+
+impl Recorded {
+    /// Whether a topic is named.
+    fn names_topics(&self) -> bool {
+        [&self.color_topic, &self.depth_topic, &self.camera_info_topic]
+            .iter()
+            .any(|topic| topic.is_some())
+    }
+
+    /// Opens a recording of ROS 2; says what is used of it and what is not.
+    fn open_recording(&self, path: &Path) -> anyhow::Result<Box<dyn FrameSource>> {
+        let topics = TopicNames {
+            color: self.color_topic.as_deref(),
+            depth: self.depth_topic.as_deref(),
+            camera_info: self.camera_info_topic.as_deref(),
+        };
+        let options = RecordingOptions {
+            camera: self.camera.as_deref(),
+            depth_units_per_m: self.depth_scale,
+            topics,
+        };
+        let OpenRecording { source, used, unused, notes, implausible_depth } =
+            open_recording(path, options)?;
+        for topic in used {
+            tracing::info!("used: {topic}");
+        }
+        for topic in unused {
+            tracing::info!("not used: {topic}");
+        }
+        for note in notes {
+            tracing::warn!("{note}");
+        }
+        warn_of_depth(path, implausible_depth, "--depth-scale gives it");
+        Ok(source)
+    }
+}
+
+/// Says that depth seems to have another scale.
+fn warn_of_depth(path: &Path, implausible: Option<ImplausibleDepth>, advice: &str) {
+    if let Some(implausible) = implausible {
+        tracing::warn!(
+            "{}: {implausible}, which is unusual for an RGB-D camera: if the depth images have another scale, {advice}",
+            path.display()
+        );
+    }
 }
 
 fn depth_scale(text: &str) -> Result<f32, String> {
@@ -81,10 +150,25 @@ pub(in crate::cli) struct Drawing {
 }
 
 impl Source {
+    /// What is at a path, where there is something.
+    fn of_path(path: &Path) -> Option<Self> {
+        if path.is_dir() {
+            let is_bag = !path.join(tum::COLOR_LIST).exists() && is_bag(path);
+            let path = path.to_owned();
+            return Some(if is_bag { Self::Recording("bag", path) } else { Self::Folder(path) });
+        }
+        let extension = path.is_file().then(|| path.extension()).flatten()?;
+        match extension.to_str()? {
+            "mcap" => Some(Self::Recording("mcap", path.to_owned())),
+            "db3" => Some(Self::Recording("bag", path.to_owned())),
+            _ => None,
+        }
+    }
+
     /// The same with a seed and a number of frames, which a folder does not have.
     pub(in crate::cli) fn with(self, drawing: Drawing) -> Self {
         match self {
-            Self::Folder(folder) => Self::Folder(folder),
+            Self::Folder(_) | Self::Recording(..) => self,
             Self::Synthetic(scene, usual) => {
                 let Drawing { seed, frames } = drawing;
                 let frames = frames.unwrap_or(usual.frames);
@@ -97,17 +181,18 @@ impl Source {
     pub(in crate::cli) fn open(&self, recorded: &Recorded) -> anyhow::Result<Box<dyn FrameSource>> {
         match self {
             Self::Folder(folder) => {
+                ensure!(
+                    !recorded.names_topics(),
+                    "topics are named for an MCAP file or a bag; {} is a folder of images",
+                    folder.display()
+                );
                 let options = FolderOptions {
                     camera: recorded.camera.as_deref(),
                     depth_units_per_m: recorded.depth_scale,
                 };
                 let open = open_folder(folder, options)?;
-                if let Some(implausible) = open.implausible_depth {
-                    tracing::warn!(
-                        "{}: {implausible}, which is unusual for an RGB-D camera: if the depth images have another scale, --depth-scale gives it (1000 for millimeters)",
-                        folder.display()
-                    );
-                }
+                let advice = "--depth-scale gives it (1000 for millimeters)";
+                warn_of_depth(folder, open.implausible_depth, advice);
                 if open.camera_origin == CameraOrigin::Assumed {
                     tracing::warn!(
                         "{}: no --camera, no camera.txt, no known name: the camera of TUM's fr1 is assumed",
@@ -122,7 +207,12 @@ impl Source {
                 }
                 Ok(open.source)
             }
+            Self::Recording(_, path) => recorded.open_recording(path),
             Self::Synthetic(scene, options) => {
+                ensure!(
+                    !recorded.names_topics(),
+                    "topics are named for an MCAP file or a bag; {scene} is drawn"
+                );
                 ensure!(
                     recorded.depth_scale.is_none(),
                     "--depth-scale is for recorded folders; {scene} is drawn in meters"
