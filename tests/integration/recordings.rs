@@ -104,7 +104,9 @@ fn an_mcap_file_is_tracked_as_the_folder_that_it_was_made_of() {
     fs::rename(workspace.path("packed.mcap"), workspace.path("bag/bag_0.mcap")).unwrap();
     let ran = workspace.run("--log info run bag --out out --lock-step --no-mask --json", &[]);
     assert!(ran.stderr.contains("no metadata.yaml"), "{}", ran.stderr);
-    assert!(ran.stderr.contains("used: /cam/color/image_raw: sensor_msgs/msg/Image, 8 messages"));
+    assert!(
+        ran.stderr.contains("color from /cam/color/image_raw: sensor_msgs/msg/Image, 8 messages")
+    );
     assert!(
         ran.stderr.contains("not used: /imu: sensor_msgs/msg/Imu, 8 messages"),
         "{}",

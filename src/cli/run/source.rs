@@ -109,8 +109,8 @@ impl Recorded {
         };
         let OpenRecording { source, used, unused, notes, implausible_depth } =
             open_recording(path, options)?;
-        for topic in used {
-            tracing::info!("used: {topic}");
+        for (role, topic) in used {
+            tracing::info!("{role} from {topic}");
         }
         for topic in unused {
             tracing::info!("not used: {topic}");

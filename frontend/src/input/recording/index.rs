@@ -37,6 +37,7 @@ pub(super) enum At {
     /// Behind so many bytes of the decompressed chunk whose record begins at this byte.
     Chunk { record: u64, offset: usize },
     /// In this row.
+    #[cfg(feature = "sqlite")]
     Row(i64),
 }
 
@@ -110,6 +111,7 @@ impl Index {
     }
 
     /// Whether the beginnings of a topic's messages matter.
+    #[cfg(feature = "sqlite")]
     pub(super) fn wants_heads(&self, topic: usize) -> bool {
         self.topics.get(topic).is_some_and(|topic| topic.kind != Kind::Other)
     }

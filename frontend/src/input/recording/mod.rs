@@ -62,7 +62,7 @@ pub struct OpenRecording {
     /// Its frames.
     pub source: Box<dyn FrameSource>,
     /// The topics that are used: color, depth, and the camera's where the caller gave no camera.
-    pub used: Vec<TopicSummary>,
+    pub used: Vec<(Role, TopicSummary)>,
     /// The topics that are not.
     pub unused: Vec<TopicSummary>,
     /// What the caller should know.
@@ -111,18 +111,12 @@ pub fn open_recording(
     let units = options.depth_units_per_m;
     let mut source = RecordedFrames::new(path, files, camera, [color, depth], units, &mut notes)?;
     let implausible_depth = source.implausible_depth();
-    let is_used = |topic: &&Topic| {
-        [Some(color), Some(depth), info].iter().flatten().any(|used| std::ptr::eq(*used, *topic))
-    };
-    let (used, unused): (Vec<_>, Vec<_>) = topics.iter().partition(is_used);
-    let summaries = |topics: Vec<&Topic>| topics.into_iter().map(Topic::summary).collect();
-    Ok(OpenRecording {
-        source: Box::new(source),
-        used: summaries(used),
-        unused: summaries(unused),
-        notes,
-        implausible_depth,
-    })
+    let roles = [(Role::Color, Some(color)), (Role::Depth, Some(depth)), (Role::Camera, info)];
+    let used: Vec<_> =
+        roles.into_iter().filter_map(|(role, topic)| Some((role, topic?.summary()))).collect();
+    let mut unused: Vec<_> = topics.iter().map(Topic::summary).collect();
+    unused.retain(|topic| used.iter().all(|(_, used)| used != topic));
+    Ok(OpenRecording { source: Box::new(source), used, unused, notes, implausible_depth })
 }
 
 /// The camera that the first message of a topic tells, for images that may be rectified.

@@ -230,6 +230,7 @@ impl McapFile {
                 into.extend_from_slice(chunk.ok_or_else(|| self.damaged(record, Fault::Length))?);
                 Ok(())
             }
+            #[cfg(feature = "sqlite")]
             At::Row(_) => Ok(()),
         }
     }

@@ -169,3 +169,84 @@ fn no_change_of_a_byte_is_fatal() {
         let _read = storage.read(Place { file: 0, at, length: 9 }, &mut Vec::new());
     }
 }
+
+/// A bag's database of two images, one of which has no data, and a topic that is not read.
+#[cfg(feature = "sqlite")]
+fn database(path: &Path) {
+    let connection = rusqlite::Connection::open(path).unwrap();
+    connection
+        .execute_batch(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, \
+             serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);
+             CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, \
+             timestamp INTEGER NOT NULL, data BLOB);
+             INSERT INTO topics VALUES (1, '/rgb', 'sensor_msgs/msg/Image', 'cdr', ''), \
+             (2, '/imu', 'sensor_msgs/msg/Imu', 'cdr', '');
+             INSERT INTO messages VALUES (2, 2, 5, x'00'), (3, 1, 7000000000, NULL);",
+        )
+        .unwrap();
+    let insert = "INSERT INTO messages VALUES (1, 1, 1, ?1)";
+    connection.execute(insert, [image(1)]).unwrap();
+}
+
+#[cfg(feature = "sqlite")]
+#[test]
+fn a_database_is_read_by_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag.db3");
+    database(&path);
+    let mut storage = Storage::open(&path).unwrap();
+    let mut index = Index::default();
+    storage.scan(0, &mut index).unwrap();
+    let (topics, notes) = index.finish();
+    assert!(notes.is_empty(), "{notes:?}");
+    let counts: Vec<_> = topics.iter().map(|topic| (&*topic.name, topic.count)).collect();
+    assert_eq!(counts, [("/imu", 1), ("/rgb", 2)]);
+    let [first, second] = &topics[1].messages[..] else { panic!("{topics:?}") };
+    // A message without a header has the time of the recorder.
+    assert_eq!((first.timestamp_s, second.timestamp_s), (1.0, 7.0));
+    let mut bytes = Vec::new();
+    storage.read(first.place, &mut bytes).unwrap();
+    assert_eq!(bytes, image(1));
+    let error = storage.read(second.place, &mut bytes).unwrap_err().to_string();
+    assert!(error.contains("bag.db3, row 3: "), "{error}");
+}
+
+#[cfg(feature = "sqlite")]
+#[test]
+fn a_database_that_is_no_bag_or_is_damaged_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bag.db3");
+    database(&path);
+    let whole = fs_err::read(&path).unwrap();
+    let connection = rusqlite::Connection::open(&path).unwrap();
+    // A view that never ends.
+    connection
+        .execute_batch(
+            "DROP TABLE messages; CREATE VIEW messages AS WITH RECURSIVE more(id) AS (SELECT 1 UNION ALL \
+             SELECT id + 1 FROM more) SELECT id, 1 AS topic_id, 1 AS timestamp, x'' AS data FROM more",
+        )
+        .unwrap();
+    drop(connection);
+    let error = Storage::open(&path).unwrap_err();
+    assert!(matches!(error, RecordingError::NoTable { table: "messages", .. }), "{error}");
+    let scan = |bytes: &[u8]| {
+        fs_err::write(&path, bytes).unwrap();
+        let mut storage = Storage::open(&path).ok()?;
+        let mut index = Index::default();
+        storage.scan(0, &mut index).ok()?;
+        for found in index.finish().0.iter().flat_map(|topic| &topic.messages) {
+            let _read = storage.read(found.place, &mut Vec::new());
+        }
+        Some(())
+    };
+    assert!(scan(&whole).is_some());
+    for length in (16..whole.len()).step_by(509) {
+        scan(&whole[..length]);
+    }
+    for at in (16..whole.len()).filter(|&at| whole[at] != 0) {
+        let mut changed = whole.clone();
+        changed[at] ^= 0xff;
+        scan(&changed);
+    }
+}
