@@ -43,6 +43,7 @@ pub fn floor(x: f32) -> i32 {
     const BOUND: f32 = 4_194_304.0;
     // Around 1.5 · 2²³ neighboring numbers are 1 apart, and so are their bits.
     const BASE: f32 = 12_582_912.0;
+    #[expect(clippy::manual_clamp, reason = "`clamp` would keep NaN")]
     let x = x.max(-BOUND).min(BOUND);
     let shifted = x + BASE;
     let nearest = shifted.to_bits() as i32 - BASE.to_bits() as i32;
