@@ -46,11 +46,11 @@ impl Map {
         if later < LATE {
             return Some(latest);
         }
-        let mut arrivals: Vec<i64> =
-            self.own_keyframes(client).map(|(_, k)| k.added_revision).collect();
-        let sixteenth = arrivals.len().checked_sub(LATE)?;
-        let (_, &mut since, _) = arrivals.select_nth_unstable(sixteenth);
-        let last = self.own_keyframes(client).filter(|(_, k)| k.added_revision >= since);
+        let mut since = (ClientIndex(client.0.checked_add(1)?), i64::MIN, EntityId::MIN);
+        for _ in 0..LATE {
+            since = *self.by_arrival.entry_before(&since)?.0;
+        }
+        let last = self.arrivals_from(client, since.1);
         last.max_by_key(|&(id, keyframe)| (keyframe.capture_time_ns, id))
     }
 
@@ -67,14 +67,21 @@ impl Map {
 
     /// The keyframe with the latest capture time of all, and how many arrived later.
     fn latest_keyframe(&self, client: ClientIndex) -> Option<((EntityId, &Keyframe), usize)> {
-        let own = self.own_keyframes(client);
-        let latest = own.max_by_key(|&(id, keyframe)| (keyframe.capture_time_ns, id))?;
-        let is_later = |(_, other): &(_, &Keyframe)| other.added_revision > latest.1.added_revision;
-        Some((latest, self.own_keyframes(client).filter(is_later).count()))
+        let id = self.last_keyframe(client)?;
+        let latest = self.keyframes().get(&id)?;
+        let later = self.arrivals_from(client, latest.added_revision.checked_add(1)?);
+        Some(((id, latest), later.count()))
     }
 
-    fn own_keyframes(&self, client: ClientIndex) -> impl Iterator<Item = (EntityId, &Keyframe)> {
-        self.keyframes().range(client.ids()).map(|(&id, keyframe)| (id, keyframe))
+    /// The keyframes of a client that were added with a revision or later.
+    fn arrivals_from(
+        &self,
+        client: ClientIndex,
+        revision: i64,
+    ) -> impl Iterator<Item = (EntityId, &Keyframe)> {
+        let own = self.by_arrival.entries_from((client, revision, EntityId::MIN));
+        let own = own.map(|(&key, ())| key).take_while(move |key| key.0 == client);
+        own.filter_map(|(_, _, id)| Some((id, self.keyframes().get(&id)?)))
     }
 
     /// The clients whose newest keyframe moves far with `poses`, and their frames until now,

@@ -158,6 +158,8 @@ pub struct Map {
     by_age: SharedMap<(i64, EntityId), ()>,
     /// The keyframes of each client by capture time.
     by_time: SharedMap<(ClientIndex, i64, EntityId), ()>,
+    /// The keyframes of each client by the revision that added them.
+    by_arrival: SharedMap<(ClientIndex, i64, EntityId), ()>,
     /// The landmarks that no keyframe sees, by the revision that added them.
     unseen: SharedMap<(i64, EntityId), ()>,
 }

@@ -146,10 +146,14 @@ impl Map {
             keyframes.iter().map(|(&id, k)| ((k.added_revision, id), ())).collect();
         by_age.sort_unstable();
         let by_age = by_age.into_iter().collect();
-        let time = |(&id, k): (&EntityId, &Keyframe)| ((id.client, k.capture_time_ns, id), ());
-        let mut by_time: Vec<_> = keyframes.iter().map(time).collect();
-        by_time.sort_unstable();
-        let by_time = by_time.into_iter().collect();
+        let of_clients = |key: fn(&Keyframe) -> i64| {
+            let entry = |(&id, k): (&EntityId, &Keyframe)| ((id.client, key(k), id), ());
+            let mut entries: Vec<_> = keyframes.iter().map(entry).collect();
+            entries.sort_unstable();
+            entries.into_iter().collect()
+        };
+        let by_time = of_clients(|keyframe| keyframe.capture_time_ns);
+        let by_arrival = of_clients(|keyframe| keyframe.added_revision);
         let unseen = landmarks.iter().filter(|(_, landmark)| landmark.observers.is_empty());
         let mut unseen: Vec<_> = unseen.map(|(&id, l)| ((l.added_revision, id), ())).collect();
         unseen.sort_unstable();
@@ -163,6 +167,7 @@ impl Map {
             descriptor_bytes,
             by_age,
             by_time,
+            by_arrival,
             unseen,
         };
         if let Some(&id) = map.switched_off().keys().find(|id| !map.has_constraint(**id)) {

@@ -182,11 +182,11 @@ pub(super) const fn entry(value: usize) -> u64 {
 /// A client with its name; its items count by themselves.
 const CLIENT: u64 = size_of::<Client>() as u64 + 64;
 const CAMERA: u64 = entry(size_of::<CameraEntity>()) + entry(size_of::<Digest>());
-/// With its digest, its place in the orders of age and of time, in the index of places and among those whose
-/// place is to be searched, and the counters of its shared list.
+/// With its digest, its place in the orders of age, of time and of arrival, in the index of places and among
+/// those whose place is to be searched, and the counters of its shared list.
 const KEYFRAME: u64 = entry(size_of::<Keyframe>())
     + entry(size_of::<Digest>())
-    + 3 * entry(8)
+    + 4 * entry(8)
     + INDEXED_KEYFRAME
     + 16;
 const LANDMARK: u64 = entry(size_of::<Landmark>());

@@ -182,3 +182,38 @@ fn frames_that_overflow_are_not_kept_and_move_nothing() {
     assert_eq!(journal.map.landmarks().get(&id(77)).unwrap().position, Some(far));
     journal.map.check_sound().unwrap();
 }
+
+#[test]
+fn the_newest_keyframe_is_the_latest_of_the_sixteen_that_arrived_last() {
+    let mut journal = street(4, MapPolicy::default());
+    // By capture time, then id, of all; but of those that arrived last where 16 came since that one.
+    let expected = |map: &Map| {
+        let own =
+            || map.keyframes().iter().map(|(&id, k)| (k.capture_time_ns, id, k.added_revision));
+        let latest = own().max().unwrap();
+        let mut arrivals: Vec<i64> = own().map(|(.., revision)| revision).collect();
+        arrivals.sort_unstable();
+        if arrivals.iter().filter(|&&revision| revision > latest.2).count() < 16 {
+            return latest.1;
+        }
+        let since = arrivals[arrivals.len() - 16];
+        own().filter(|&(.., revision)| revision >= since).max().unwrap().1
+    };
+    // A time in the future, then a clock that goes on as it should, and goes back once.
+    let times = (4..50_i64).map(|k| match k {
+        6 => 1_000_000_000,
+        30.. => k - 20,
+        _ => k,
+    });
+    for (k, time_ms) in (4..).zip(times) {
+        let mut item = street_keyframe(k, pose_at(k as f64), &journal.map);
+        if let Item::Keyframe { capture_time_ns, .. } = &mut item {
+            *capture_time_ns = time_ms * 1_000_000;
+        }
+        journal.send(ROBOT, &item).unwrap();
+        let map = &journal.map;
+        assert_eq!(map.newest_keyframe(ROBOT).unwrap().0, expected(map), "{k}");
+    }
+    assert_eq!(Map::from_parts(journal.map.to_parts()).unwrap(), journal.map);
+    assert_eq!(Map::replay(journal.events.iter()).unwrap(), journal.map);
+}

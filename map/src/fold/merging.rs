@@ -46,6 +46,7 @@ impl Map {
             self.parts.keyframes.insert(id, new);
             self.by_age.insert((revision, id), ());
             self.by_time.insert((id.client, keyframe.capture_time_ns, id), ());
+            self.by_arrival.insert((id.client, revision, id), ());
         }
         // Once every keyframe is there: the counts of shared landmarks depend on their ages.
         for (&id, keyframe) in &parts.keyframes {

@@ -97,6 +97,7 @@ impl Map {
                 self.parts.keyframes.insert(*id, keyframe);
                 self.by_age.insert((self.parts.revision, *id), ());
                 self.by_time.insert((id.client, *capture_time_ns, *id), ());
+                self.by_arrival.insert((id.client, self.parts.revision, *id), ());
                 self.add_observations(*id, observations);
             }
             Change::LandmarksAdded { landmarks, scale } => {
@@ -329,6 +330,7 @@ impl Map {
         self.descriptor_bytes -= image_bytes(keyframe.global_descriptor.as_deref());
         self.by_age.remove(&(keyframe.added_revision, id));
         self.by_time.remove(&(id.client, keyframe.capture_time_ns, id));
+        self.by_arrival.remove(&(id.client, keyframe.added_revision, id));
         self.parts.place_searches.remove(id);
         for observation in keyframe.observations.iter() {
             self.forget_observer(observation.landmark, id);
