@@ -189,3 +189,14 @@ fn poses_that_nothing_observes_are_factored() {
     assert_eq!(summary.linear_solver, LinearSolver::SparseSchur);
     assert!(summary.solve.final_cost < 1e-9 * summary.solve.initial_cost, "{summary:?}");
 }
+
+#[test]
+fn a_ceiling_that_is_high_enough_changes_no_choice() {
+    // Long enough that a bound of its pairs of views would be much memory.
+    let mut problem = problem(30_000, &chain(30_000, 12, 2), usize::MAX);
+    let mut options = Options::default();
+    options.optimizer.max_iterations = 1;
+    options.optimizer.ceiling.bytes = Some(1 << 36);
+    let summary = solve(&mut problem, &options, &mut ignore_iterations).unwrap();
+    assert_eq!(summary.linear_solver, LinearSolver::SparseSchur);
+}

@@ -209,13 +209,15 @@ fn plan(
         return Ok(Plan::Iterative { break_even });
     }
     let values = 8 * pattern.value_count() as u64 + 24 * pattern.stored_block_count() as u64;
-    let price = Price {
-        bytes: base.bytes.saturating_add(values).saturating_add(ordered.price().bytes),
-        flops_per_iteration: base.flops_per_iteration + ordered.price().flops_per_iteration,
-    };
-    limits.ceiling.admit(&price)?;
+    let matrix = values.saturating_add(ordered.price().bytes);
+    let flops_per_iteration = base.flops_per_iteration + ordered.price().flops_per_iteration;
+    limits
+        .ceiling
+        .admit(&Price { bytes: base.bytes.saturating_add(matrix), flops_per_iteration })?;
     let much = MUCH_MEMORY.saturating_mul(costs.iterative().bytes).max(LITTLE_MEMORY);
-    if auto && price.bytes > much {
+    let is_much = |base: Price| base.bytes.saturating_add(matrix) > much;
+    // Within a ceiling a bound was enough. It says nothing of what is much.
+    if auto && is_much(base) && is_much(counted(layout, costs, lists, limits)?) {
         return Ok(Plan::Iterative { break_even: f64::INFINITY });
     }
     Ok(Plan::Sparse { pattern, pairs, ordered })
@@ -230,27 +232,39 @@ fn paired(
     more: impl Fn(u64) -> Price,
     limits: Limits<'_>,
 ) -> Result<Price, SolveError> {
-    let price = |slots: u64| {
-        let (pairs, more) = (costs.paired(slots), more(slots));
-        Price {
-            bytes: pairs.bytes.saturating_add(more.bytes),
-            flops_per_iteration: pairs.flops_per_iteration + more.flops_per_iteration,
-        }
-    };
     // Whatever the slots are, it takes this much.
-    limits.ceiling.admit(&price(0))?;
-    let most = price(most_slots(layout));
+    limits.ceiling.admit(&with_slots(0, costs, &more))?;
+    let most = with_slots(most_slots(layout), costs, &more);
     if !limits.ceiling.is_none() && limits.ceiling.admit(&most).is_ok() {
         return Ok(most);
     }
-    if layout.sorted.pair_count > MOST_COUNTED {
-        limits.ceiling.admit(&most)?;
-        return Ok(most);
+    let counted = counted(layout, costs, more, limits)?;
+    limits.ceiling.admit(&counted)?;
+    Ok(counted)
+}
+
+/// The same with slots that are counted, unless there are so many that their bound counts.
+fn counted(
+    layout: &Layout,
+    costs: &Costs,
+    more: impl Fn(u64) -> Price,
+    limits: Limits<'_>,
+) -> Result<Price, SolveError> {
+    let slots = if layout.sorted.pair_count > MOST_COUNTED {
+        most_slots(layout)
+    } else {
+        slot_count(layout, limits.interrupt).ok_or(SolveError::Interrupted)?
+    };
+    Ok(with_slots(slots, costs, more))
+}
+
+/// What a solve with so many slots takes, and `more`.
+fn with_slots(slots: u64, costs: &Costs, more: impl Fn(u64) -> Price) -> Price {
+    let (pairs, more) = (costs.paired(slots), more(slots));
+    Price {
+        bytes: pairs.bytes.saturating_add(more.bytes),
+        flops_per_iteration: pairs.flops_per_iteration + more.flops_per_iteration,
     }
-    let slots = slot_count(layout, limits.interrupt).ok_or(SolveError::Interrupted)?;
-    let exact = price(slots);
-    limits.ceiling.admit(&exact)?;
-    Ok(exact)
 }
 
 /// What a factorization without any fill would cost, from the neighbors of a few views: cheap to
