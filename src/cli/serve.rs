@@ -205,7 +205,7 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
     ServerConfig {
         threads: config.threads(),
         map_limits: config.map_limits.over(&default.map_limits),
-        max_maps: max_maps.unwrap_or(default.max_maps),
+        max_maps,
         tenant_limits: config.tenant_limits,
         server_limits: config.server_limits.over(&default.server_limits),
         max_message_bytes: config.max_message_bytes.unwrap_or(default.max_message_bytes),

@@ -75,7 +75,7 @@ impl Rpcs {
         let limits = v1::ServerLimits {
             max_receive_message_bytes: bytes,
             max_send_message_bytes: bytes,
-            max_map_count: count(config.max_maps),
+            max_map_count: count(config.most_maps()),
             max_concurrent_stream_count: i32::try_from(config.max_concurrent_streams)
                 .unwrap_or(i32::MAX),
             map_limits: Some(to_limits(&config.map_limits, config.engine.queue_capacity)),

@@ -405,7 +405,7 @@ fn an_import_never_exceeds_what_the_server_holds() {
             let status = get(&small, "copy").await.unwrap_err();
             check_status(&status, Code::NotFound, "MAP_NOT_FOUND");
         }
-        let full = TestServer::with(|config| config.max_maps = 1).await;
+        let full = TestServer::with(|config| config.max_maps = Some(1)).await;
         assert!(import(&full, header("one", format), &files).await.is_ok());
         let status = import(&full, header("two", format), &files).await.unwrap_err();
         check_status(&status, Code::ResourceExhausted, "SERVER_LIMIT");

@@ -59,7 +59,7 @@ fn a_new_map_has_the_servers_policy_and_its_own_uid() {
 #[test]
 fn create_map_refuses_bad_fields_and_taken_names() {
     run(async {
-        let server = TestServer::with(|config| config.max_maps = 2).await;
+        let server = TestServer::with(|config| config.max_maps = Some(2)).await;
         let mut maps = server.maps();
         for (map_id, reason) in [("", "MISSING"), ("Room", "OUT_OF_RANGE"), ("a b", "OUT_OF_RANGE")]
         {

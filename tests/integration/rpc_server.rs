@@ -1,5 +1,6 @@
 //! Server info, health, reflection, limits, what is not served yet, and shutting down.
 
+use covis::service::ServerConfig;
 use covis::wire::v1;
 use tonic::{Code, Request};
 use tonic_health::pb::HealthCheckRequest;
@@ -22,9 +23,22 @@ const SERVICES: [&str; 5] = [
 ];
 
 #[test]
+fn how_many_maps_there_may_be_follows_their_memory() {
+    let most = |bytes| {
+        let mut config = ServerConfig::default();
+        config.server_limits.held.bytes = bytes;
+        config.most_maps()
+    };
+    assert_eq!(ServerConfig::default().most_maps(), 10_922);
+    assert_eq!(most(Some(1 << 30)), 2730);
+    assert_eq!(most(None), 10_922);
+    assert_eq!(ServerConfig { max_maps: Some(3), ..ServerConfig::default() }.most_maps(), 3);
+}
+
+#[test]
 fn server_info_tells_version_limits_and_features() {
     run(async {
-        let server = TestServer::with(|config| config.max_maps = 7).await;
+        let server = TestServer::with(|config| config.max_maps = Some(7)).await;
         let mut client = ServerServiceClient::new(server.channel.clone());
         let info = client.get_server_info(v1::GetServerInfoRequest {}).await.unwrap().into_inner();
         assert_eq!(info.version, env!("CARGO_PKG_VERSION"));

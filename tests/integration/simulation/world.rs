@@ -330,7 +330,7 @@ async fn serve(disk: SimDisk) -> turmoil::Result {
     });
     // As short as the robots', so that both ends find out by themselves that a link is dead.
     let keep_alive = KeepAlive { interval: PATIENCE, timeout: PATIENCE, ..KeepAlive::default() };
-    let config = ServerConfig { max_maps: 4, keep_alive, ..ServerConfig::default() };
+    let config = ServerConfig { max_maps: Some(4), keep_alive, ..ServerConfig::default() };
     let incoming = ReceiverStream::new(incoming);
     let Ok(starting) = Server::listen_in_place(incoming, address, config, store).await else {
         return Ok(());
