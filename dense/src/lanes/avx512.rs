@@ -1,7 +1,7 @@
 //! AVX-512: sixteen lanes in a vector.
 //!
-//! This file and `avx2` have the only `unsafe` of the crate: a value of [`Avx512`] exists only after the
-//! processor was asked, so that the instructions behind its methods are there.
+//! This file, `avx2` and `neon` have the only `unsafe` of the crate: a value of [`Avx512`] exists only
+//! after the processor was asked, so that the instructions behind its methods are there.
 
 #![allow(unsafe_code, reason = "vector instructions; each block says why it is sound")]
 #![allow(

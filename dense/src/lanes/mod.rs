@@ -1,12 +1,15 @@
-//! Vectors of sixteen lanes: AVX-512, AVX2, or plain arrays that the compiler vectorizes.
+//! Vectors of sixteen lanes: AVX-512, AVX2, NEON, or plain arrays that the compiler vectorizes.
 //!
 //! A kernel is written once over [`Lanes`] and compiled for each class of the solvers' [`Class`]. All
-//! classes give the same bits: where products are fused with sums, they are in all. Nothing here knows what the numbers mean.
+//! classes give the same bits: where products are fused with sums, they are in all. Nothing here knows
+//! what the numbers mean.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 #[cfg(test)]
 mod tests;
 
@@ -134,8 +137,11 @@ pub(super) fn run<K: Kernel>(class: Class, kernel: K) -> K::Output {
         Class::Avx512 if let Some(lanes) = avx512::Avx512::new() => lanes.run(kernel),
         #[cfg(target_arch = "x86_64")]
         Class::Avx512 | Class::Avx2 if let Some(lanes) = avx2::Avx2::new() => lanes.run(kernel),
-        // Arrays become vectors of NEON, which every aarch64 processor has.
-        Class::Avx512 | Class::Avx2 | Class::Neon | Class::Scalar => kernel.run(Arrays),
+        #[cfg(target_arch = "aarch64")]
+        Class::Neon => kernel.run(neon::Neon),
+        #[cfg(not(target_arch = "aarch64"))]
+        Class::Neon => kernel.run(Arrays),
+        Class::Avx512 | Class::Avx2 | Class::Scalar => kernel.run(Arrays),
     }
 }
 
