@@ -9,7 +9,7 @@ use covis_solvers::geometry::{
 use covis_solvers::io::IoError;
 use covis_solvers::io::colmap::{
     ColmapCamera, ColmapCameraModel, ColmapEncoding, ColmapImage, ColmapKeypoint, ColmapModel,
-    ColmapPoint,
+    ColmapPoint, ColmapPointError,
 };
 use nalgebra::{SVector, Vector2, Vector3};
 
@@ -145,6 +145,36 @@ fn a_written_point_has_its_mean_error() {
     let unseen = model.to_problem().unwrap();
     model.update_from(&unseen).unwrap();
     assert_eq!(model.points[&13].error, -1.0, "nothing observes it");
+}
+
+/// The number is that of pycolmap's `update_point_3d_errors`, for pinhole, radial and fisheye cameras.
+#[test]
+fn a_view_behind_its_camera_counts_as_it_does_in_colmap() {
+    let pinhole = PinholeRadialTangential::undistorted(500.0, 500.0, 319.5, 239.5);
+    for camera in
+        [Camera::Pinhole(pinhole), Camera::Snavely(Snavely { focal: 500.0, k1: 0.0, k2: 0.0 })]
+    {
+        let center = camera.project(&Vector3::new(0.0, 0.0, 1.0)).unwrap();
+        let mut error = ColmapPointError::default();
+        assert_eq!(error.mean_px(), -1.0);
+        error.add(&camera, &Vector3::new(0.0, 0.0, 2.0), &(center + Vector2::new(3.0, 4.0)));
+        assert_eq!(error.mean_px(), 5.0);
+        error.add(&camera, &Vector3::new(0.0, 0.0, -2.0), &center);
+        assert_eq!(error.mean_px(), 0.5 * f64::MAX.sqrt());
+    }
+}
+
+#[test]
+fn points_of_fewer_than_two_images_are_counted() {
+    let mut model = model();
+    assert_eq!(model.single_view_points(), 0);
+    model.points.insert(13, ColmapPoint::new(&Vector3::zeros(), [0; 3]));
+    for _ in 0..2 {
+        model.push_observation(1, &Vector2::zeros(), 13).unwrap();
+        assert_eq!(model.single_view_points(), 1, "twice in one image is one view");
+    }
+    model.push_observation(9, &Vector2::zeros(), 13).unwrap();
+    assert_eq!(model.single_view_points(), 0);
 }
 
 #[test]

@@ -14,7 +14,7 @@ use super::super::rotation::{from_xyzw, to_xyzw};
 use super::super::{IoError, Location, natural_cmp};
 use super::camera::PIXEL_CENTER;
 use super::{ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint};
-use crate::geometry::{LieGroup, Se3};
+use crate::geometry::{Camera, LieGroup, Se3};
 use crate::problem::BundleProblem;
 
 /// A problem with the ids of its variables in the COLMAP model.
@@ -201,21 +201,48 @@ impl ColmapModel {
     }
 }
 
-/// The mean distance of each landmark's projections from its pixels, px; −1 where the landmark has no
-/// observation, or one without a finite projection.
+/// The error of a point as COLMAP counts it: the mean distance of its projections from their keypoints.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ColmapPointError {
+    sum_px: f64,
+    views: u32,
+}
+
+/// What COLMAP counts for a view without a projection: the square root of the largest number.
+const NO_PROJECTION_PX: f64 = 1.340_780_792_994_259_6e154;
+
+impl ColmapPointError {
+    /// Adds the view of a point at `pixel`. COLMAP does not project what is not in front of a camera.
+    pub fn add(&mut self, camera: &Camera, point_in_camera: &Vector3<f64>, pixel: &Vector2<f64>) {
+        let is_in_front = point_in_camera.z >= f64::EPSILON;
+        let projected = camera.project(point_in_camera).filter(|_| is_in_front);
+        self.sum_px += projected.map_or(NO_PROJECTION_PX, |projected| (projected - pixel).norm());
+        self.views += 1;
+    }
+
+    /// The mean, px; −1 where no view was added.
+    #[must_use]
+    pub fn mean_px(&self) -> f64 {
+        match self.views {
+            0 => -1.0,
+            views => self.sum_px / f64::from(views),
+        }
+    }
+}
+
+/// The error of each landmark's point, px; −1 where nothing observes it.
 pub(in crate::io) fn mean_errors_px(problem: &BundleProblem) -> Vec<f64> {
-    let mut sums = vec![(0.0, 0_u32); problem.landmarks.len()];
+    let mut errors = vec![ColmapPointError::default(); problem.landmarks.len()];
     for observation in problem.observations() {
         let landmark = observation.landmark as usize;
-        let Some((sum, count)) = sums.get_mut(landmark) else { continue };
         let pose = problem.poses.get(observation.pose as usize);
         let camera = problem.cameras.get(observation.camera as usize);
-        let projected = pose.zip(camera).and_then(|(pose, camera)| {
-            camera.project(&pose.inverse_transform(&problem.landmarks[landmark]))
-        });
-        *sum += projected.map_or(f64::NAN, |pixel| (pixel - observation.seen.pixel).norm());
-        *count += 1;
+        let (Some(error), Some(pose), Some(camera)) = (errors.get_mut(landmark), pose, camera)
+        else {
+            continue;
+        };
+        let point_in_camera = pose.inverse_transform(&problem.landmarks[landmark]);
+        error.add(camera, &point_in_camera, &observation.seen.pixel);
     }
-    let mean = |(sum, count): (f64, u32)| sum / f64::from(count);
-    sums.into_iter().map(mean).map(|mean| if mean.is_finite() { mean } else { -1.0 }).collect()
+    errors.iter().map(ColmapPointError::mean_px).collect()
 }

@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 pub use camera::{ColmapCamera, ColmapCameraModel};
-pub use convert::ColmapProblem;
 pub(super) use convert::mean_errors_px;
+pub use convert::{ColmapPointError, ColmapProblem};
 
 use super::text::TextWriter;
 use super::{IoError, Location, files};
@@ -135,7 +135,7 @@ pub struct ColmapPoint {
     pub position: [f64; 3],
     /// Red, green, blue.
     pub color: [u8; 3],
-    /// Mean reprojection error in pixels; −1 where it was not computed.
+    /// Mean reprojection error in pixels ([`ColmapPointError`]); −1 where it was not computed.
     pub error: f64,
     /// Observations as (image id, index of the keypoint in the image).
     pub track: Vec<(u32, u32)>,
@@ -242,6 +242,18 @@ impl ColmapModel {
             encoding.put_point(id, point, points);
         }
         Ok(encoding.file_names().into_iter().zip(bytes).collect())
+    }
+
+    /// How many points fewer than two images observe. COLMAP's bundle adjustment refuses a model with a
+    /// track of one view.
+    #[must_use]
+    pub fn single_view_points(&self) -> usize {
+        let is_single = |point: &&ColmapPoint| {
+            let mut images = point.track.iter().map(|&(image, _)| image);
+            let first = images.next();
+            images.all(|image| Some(image) == first)
+        };
+        self.points.values().filter(is_single).count()
     }
 
     /// Checks that every track entry names a keypoint. `path` is the file of the points.
