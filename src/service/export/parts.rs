@@ -8,7 +8,7 @@ use std::sync::Arc;
 use covis_solvers::io::colmap::ColmapEncoding;
 use covis_solvers::io::g2o::{G2oSe3, G2oVertex};
 use covis_solvers::io::ply::{PlyEncoding, PlyVertex};
-use covis_solvers::io::trajectory::{Trajectory, seconds_of_nanoseconds};
+use covis_solvers::io::trajectory::Trajectory;
 
 use super::colmap::Numbers;
 use super::graph::GraphLines;
@@ -160,8 +160,7 @@ impl Part {
                 })
             }
             Self::Tum(path) => Ok(path.put(map, most, out, |keyframe, out| {
-                let seconds = seconds_of_nanoseconds(keyframe.capture_time_ns);
-                Trajectory::put_pose(seconds, &keyframe.world_from_camera, out);
+                Trajectory::put_pose(keyframe.capture_time_ns, &keyframe.world_from_camera, out);
             })),
             Self::G2oVertices(at) => at.put(from(map.keyframes()), most, out, |id, k, out| {
                 G2oSe3::put_vertex(&G2oVertex::new(id.id, &k.world_from_camera), out);

@@ -8,6 +8,7 @@ use covis_solvers::problem::PoseGraph;
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
 
 use super::*;
+use covis_solvers::io::trajectory::seconds_of_nanoseconds;
 use crate::map::{
     CameraEntity, Change, ClientIndex, Constraint, ConstraintKind, EntityId, Event, GraphPairs,
     GraphProblem, MapPolicy, NewLandmark, Observation, measured_graph,
@@ -116,9 +117,7 @@ fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
             .map(|(name, client)| {
                 let mut trajectory = Trajectory::default();
                 for (_, keyframe) in map.trajectory(client) {
-                    let seconds = covis_solvers::io::trajectory::seconds_of_nanoseconds(
-                        keyframe.capture_time_ns,
-                    );
+                    let seconds = seconds_of_nanoseconds(keyframe.capture_time_ns);
                     trajectory.push(seconds, keyframe.world_from_camera);
                 }
                 (format!("{name}.tum"), trajectory.to_bytes())
@@ -252,4 +251,13 @@ fn a_map_without_entities_has_files_without_records() {
         }
         assert!(export.next_chunk().unwrap().is_none());
     }
+}
+
+#[test]
+fn a_time_has_all_digits_of_its_nanoseconds_and_no_others() {
+    let map = map();
+    let mut export = started(&map, Format::Tum);
+    let text = String::from_utf8(export.next_chunk().unwrap().unwrap().data).unwrap();
+    let times: Vec<&str> = text.lines().skip(1).filter_map(|row| row.split(' ').next()).collect();
+    assert_eq!(times[..3], ["0.1", "0.3", "0.5"]);
 }

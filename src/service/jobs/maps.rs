@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use covis_solvers::geometry::Se3;
 use covis_solvers::io::reading::{Content, FileCounts};
-use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat, seconds_of_nanoseconds};
 use covis_solvers::optimizer;
 use serde_json::json;
 use tokio::sync::mpsc;
@@ -45,8 +45,6 @@ use v1::job_result::Result as Kind;
 const TIME_DIFFERENCE_S: f64 = 0.01;
 /// Bytes of a pose that is compared, beside the truth: the pose, its pair, and its errors in both lists.
 const MATCHED_BYTES: u64 = 1024;
-/// Nanoseconds in a second.
-const NANOSECONDS: f64 = 1e9;
 
 impl Run<'_> {
     fn map(&self, map_id: &str) -> Result<MapHandle, ServiceError> {
@@ -357,7 +355,7 @@ fn of_client(map: &Map, client: ClientIndex) -> Trajectory {
 
 fn of_poses<'a>(poses: impl Iterator<Item = (i64, &'a Se3)>) -> Trajectory {
     let mut trajectory = Trajectory::default();
-    poses.for_each(|(time_ns, pose)| trajectory.push(time_ns as f64 / NANOSECONDS, *pose));
+    poses.for_each(|(time_ns, pose)| trajectory.push(seconds_of_nanoseconds(time_ns), *pose));
     trajectory
 }
 

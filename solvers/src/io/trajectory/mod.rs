@@ -10,12 +10,15 @@ mod euroc;
 mod kitti;
 mod times;
 
+use std::fmt::Display;
 use std::path::Path;
 
 use nalgebra::Vector3;
 
 pub use kitti::read_times;
 pub use times::{nanoseconds_of_seconds, seconds_of_nanoseconds};
+
+use times::DecimalSeconds;
 
 use super::text::{Line, Text, TextWriter};
 use super::{IoError, files, rotation};
@@ -195,7 +198,7 @@ impl Trajectory {
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Self::HEAD.to_vec();
         for (&timestamp, pose) in self.timestamps.iter().zip(&self.world_from_body) {
-            Self::put_pose(timestamp, pose, &mut bytes);
+            put_row(format_args!("{timestamp:?}"), pose, &mut bytes);
         }
         bytes
     }
@@ -203,17 +206,23 @@ impl Trajectory {
     /// What a TUM file begins with.
     pub const HEAD: &[u8] = b"# timestamp tx ty tz qx qy qz qw\n";
 
-    /// Appends the line of a pose, for a caller that does not hold all of a file.
-    pub fn put_pose(timestamp: f64, world_from_body: &Se3, out: &mut Vec<u8>) {
-        TextWriter::append(out, |text| {
-            text.put(format_args!("{timestamp:?}"));
-            let rotation = rotation::to_xyzw(&world_from_body.rotation);
-            for number in world_from_body.translation.iter().chain(&rotation) {
-                text.put(format_args!(" {number:?}"));
-            }
-            text.end_line();
-        });
+    /// Appends the line of a pose, for a caller that does not hold all of a file. The time
+    /// has the digits that give its nanoseconds back, which can be more than a number of seconds holds.
+    pub fn put_pose(nanoseconds: i64, world_from_body: &Se3, out: &mut Vec<u8>) {
+        put_row(DecimalSeconds(nanoseconds), world_from_body, out);
     }
+}
+
+/// Appends a row of a TUM file.
+fn put_row(seconds: impl Display, world_from_body: &Se3, out: &mut Vec<u8>) {
+    TextWriter::append(out, |text| {
+        text.put(seconds);
+        let rotation = rotation::to_xyzw(&world_from_body.rotation);
+        for number in world_from_body.translation.iter().chain(&rotation) {
+            text.put(format_args!(" {number:?}"));
+        }
+        text.end_line();
+    });
 }
 
 /// Time and pose of a row of a TUM file.
