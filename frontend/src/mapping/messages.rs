@@ -3,6 +3,7 @@
 //! Both sides use the same conventions (docs/conventions.md), so that only the layout is converted.
 
 use covis_solvers::geometry::{Camera, Se3, So3};
+use covis_solvers::io::trajectory::nanoseconds_of_seconds;
 use nalgebra::{Vector2, Vector3};
 
 use covis_client::wire::v1;
@@ -63,9 +64,9 @@ pub fn camera(id: i64, camera: &Camera, (width_px, height_px): (i32, i32)) -> v1
     v1::Camera { id, width_px, height_px, model: Some(model), ..v1::Camera::default() }
 }
 
-/// A time in seconds, at least 0, rounded to nanoseconds.
+/// A time in seconds, rounded to nanoseconds; 0 where it is not finite or they have no 64 bits.
 pub fn timestamp(seconds: f64) -> prost_types::Timestamp {
-    let nanoseconds = (seconds * 1e9).round() as i64;
+    let nanoseconds = nanoseconds_of_seconds(seconds).unwrap_or_default();
     prost_types::Timestamp {
         seconds: nanoseconds.div_euclid(1_000_000_000),
         nanos: nanoseconds.rem_euclid(1_000_000_000) as i32,

@@ -11,6 +11,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow, ensure};
+use covis_solvers::io::trajectory::nanoseconds_of_seconds;
 use tokio::sync::oneshot;
 use tokio::task;
 
@@ -176,5 +177,5 @@ fn compress(
 
 fn nanoseconds(seconds: f64) -> u64 {
     // Negative times and such that are no numbers become 0.
-    (seconds * 1e9).round() as u64
+    nanoseconds_of_seconds(seconds).and_then(|ns| u64::try_from(ns).ok()).unwrap_or_default()
 }
