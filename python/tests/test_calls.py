@@ -61,6 +61,10 @@ def test_a_trajectory_leaves_as_tum_and_to_evo(room, tmp_path):
     assert np.allclose(read.positions_xyz, path.positions_xyz)
     assert np.allclose(read.poses_se3, path.poses_se3)
     assert np.array_equal(read.timestamps, found.times)
+    found.times[:2] = 1305031102.175304, 1000.0
+    found.write_tum(tmp_path / "room.tum")
+    times = [row.split()[0] for row in (tmp_path / "room.tum").read_text().splitlines()]
+    assert times[:2] == ["1305031102.175304", "1000.0"]
     with room.watch("room") as watched:
         assert np.array_equal(watched.trajectory().world_from_camera, found.world_from_camera)
 

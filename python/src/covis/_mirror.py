@@ -176,7 +176,7 @@ def frozen(array: Array) -> Array:
 
 def seconds(time: object) -> float:
     """A timestamp as Unix seconds."""
-    return time.seconds + time.nanos * 1e-9  # type: ignore[attr-defined,no-any-return]
+    return time.seconds + time.nanos / 1e9  # type: ignore[attr-defined,no-any-return]
 
 
 def points(landmarks: Sequence[Landmark]) -> Array:

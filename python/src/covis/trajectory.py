@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,10 +39,14 @@ class Trajectory:
         return len(self.times)
 
     def write_tum(self, path: str | os.PathLike[str]) -> None:
-        """Writes "time x y z qx qy qz qw" a line, which evo and `covis eval` read."""
+        """Writes "time x y z qx qy qz qw" a line, which evo and `covis eval` read.
+
+        Numbers have the fewest digits that read back exactly.
+        """
         quaternions = _poses.quaternions(self.world_from_camera[:, :3, :3])
         table = np.column_stack([self.times, self.world_from_camera[:, :3, 3], quaternions])
-        np.savetxt(path, table, fmt=["%.9f", *["%.17g"] * 7])
+        lines = (" ".join(map(repr, row)) + "\n" for row in table.tolist())
+        Path(path).write_text("".join(lines), encoding="utf-8")
 
     def to_evo(self) -> Any:
         """The same as evo's `PoseTrajectory3D`; needs the extra `evo`."""
