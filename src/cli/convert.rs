@@ -12,7 +12,7 @@ use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::{Content, Format};
-use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::io::g2o::{G2oGraph, Indefinite};
 use covis_solvers::io::ply::{PlyEncoding, PlyFile, PlyVertex};
 use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat, read_times};
@@ -153,7 +153,11 @@ fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
         }
         Format::Bal => bundle(SparseModel::from_bal(&BalFile::parse(&bytes, path)?)),
         Format::Bundler => bundle(SparseModel::from_bundler(&BundlerFile::read(path)?)?),
-        Format::G2o => Input::PoseGraph(G2oGraph::parse(&bytes, path)?),
+        Format::G2o => {
+            let (graph, changes) = G2oGraph::parse_with(&bytes, path, Indefinite::Refuse)?;
+            formats::warn_of_changes(path, &changes);
+            Input::PoseGraph(graph)
+        }
         Format::Colmap(_) | Format::Ply => {
             bail!("{}: covis writes {} but cannot read it", path.display(), from.entry().name)
         }

@@ -9,6 +9,7 @@ use clap::builder::TypedValueParser;
 use covis_solvers::geometry::Se3;
 use covis_solvers::io::IoError;
 use covis_solvers::io::format::{Content, FORMATS, Format};
+use covis_solvers::io::g2o::{ChangedLines, G2oChanges};
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use fs_err as fs;
 
@@ -104,4 +105,17 @@ pub(super) fn joined(poses: impl Iterator<Item = (f64, Se3)>) -> Trajectory {
 /// The usual extension of a format's files.
 pub(super) fn extension(format: TrajectoryFormat) -> &'static str {
     Format::Trajectory(format).entry().extensions.first().copied().unwrap_or_default()
+}
+
+/// Warns of what the reader of a g2o file changed: a file that another program wrote may mean something
+/// else.
+pub(super) fn warn_of_changes(path: &Path, changes: &G2oChanges) {
+    let warn = |lines: Option<ChangedLines>, what: &str| {
+        if let Some(ChangedLines { count, first_line }) = lines {
+            let path = path.display();
+            tracing::warn!("{path}: {what}: {count}, the first in line {first_line}");
+        }
+    };
+    warn(changes.normalized, "quaternions far from norm 1 are normalized");
+    warn(changes.self_edges, "edges from a vertex to itself are left out");
 }

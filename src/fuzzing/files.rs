@@ -10,7 +10,7 @@ use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::Format;
-use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::io::g2o::{G2oChanges, G2oGraph, Indefinite};
 use covis_solvers::io::pose_matrix;
 use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
@@ -34,13 +34,17 @@ pub(super) fn bal(input: &[u8]) {
 /// A g2o file, as it stands and repaired.
 pub(super) fn g2o(input: &[u8]) {
     let read = G2oGraph::parse(input, path());
-    let repaired = G2oGraph::parse_repaired(input, path());
+    let repaired = G2oGraph::parse_with(input, path(), Indefinite::Repair);
     if let Ok(file) = &read {
-        assert!(matches!(&repaired, Ok((same, None)) if same == file), "repaired for no reason");
+        let is_same =
+            |(same, changes): &(_, G2oChanges)| same == file && changes.repaired.is_none();
+        assert!(repaired.as_ref().is_ok_and(is_same), "repaired for no reason");
     }
     for file in [read.ok(), repaired.ok().map(|(file, _)| file)].into_iter().flatten() {
-        let again = G2oGraph::parse(&file.to_bytes(), path());
-        assert_eq!(again.ok().as_ref(), Some(&file), "what is written is read as another file");
+        let again = G2oGraph::parse_with(&file.to_bytes(), path(), Indefinite::Refuse);
+        let unchanged = Some((&file, &G2oChanges::default()));
+        let again = again.as_ref().ok().map(|(file, changes)| (file, changes));
+        assert_eq!(again, unchanged, "what is written is read as another file");
         let judged = match &file {
             G2oGraph::Se2(file) => file.to_pose_graph().map(|graph| drop(graph.validate())),
             G2oGraph::Se3(file) => file.to_pose_graph().map(|graph| drop(graph.validate())),

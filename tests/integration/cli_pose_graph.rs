@@ -105,3 +105,41 @@ fn what_incremental_does_not_do_is_refused() {
     let ran = workspace.run("solve pose-graph {} --incremental", &[&input]);
     ran.expect_failure(&["fixed.g2o", "vertex 1", "FIX"]);
 }
+
+/// g2o itself reads both files and solves them.
+#[test]
+fn quaternions_far_from_norm_1_and_edges_to_the_same_vertex_are_told() {
+    let workspace = Workspace::new();
+    let unit = "1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1";
+    let text = format!(
+        "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 0 0 0 0 2\n\
+         EDGE_SE3:QUAT 0 0 1 0 0 0 0 0 1 {unit}\nEDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 {unit}\n\
+         EDGE_SE3:QUAT 1 1 0 0 0 0 0 0 1 {unit}\n"
+    );
+    let input = workspace.file("graph.g2o", &text);
+    let warnings = [
+        "graph.g2o: quaternions far from norm 1 are normalized: 1, the first in line 2",
+        "graph.g2o: edges from a vertex to itself are left out: 2, the first in line 3",
+    ];
+    let out = workspace.path("out.g2o");
+    for (arguments, paths) in [
+        ("solve pose-graph {} --json --out {}", [&*input, &*out]),
+        ("convert {} {} --to g2o", [&*input, &*out]),
+    ] {
+        let ran = workspace.run(arguments, &paths);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        for warning in warnings {
+            assert_eq!(ran.stderr.matches(warning).count(), 1, "`{warning}` in {}", ran.stderr);
+        }
+        let written = fs_err::read_to_string(&out).unwrap();
+        assert_eq!(written.matches("EDGE").count(), 1, "{written}");
+        let again = workspace.json("solve pose-graph {} --json", &[&out]);
+        assert!(again.get("normalized").is_none() && again.get("self_edges").is_none(), "{again}");
+    }
+    let report = workspace.json("solve pose-graph {} --json", &[&input]);
+    assert_eq!(report["normalized"], serde_json::json!({"count": 1, "first_line": 2}));
+    assert_eq!(report["self_edges"], serde_json::json!({"count": 2, "first_line": 3}));
+    workspace.file("zero.g2o", "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 0\n");
+    let zero = workspace.run("solve pose-graph zero.g2o", &[]);
+    zero.expect_failure(&["zero.g2o, line 1", "norm 0"]);
+}

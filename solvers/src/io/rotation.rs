@@ -1,7 +1,8 @@
 //! Quaternions of files, (x, y, z, w), to rotations and back.
 //!
 //! A norm within 1e-3 of 1 is rounding of a printed file and is normalized away; any other norm is
-//! refused, since it means that columns are mixed up or the data are broken.
+//! refused, since it means that columns are mixed up or the data are broken. g2o's files are the exception:
+//! g2o normalizes what it reads.
 
 use super::{IoError, Location};
 use crate::geometry::So3;
@@ -20,6 +21,25 @@ pub(super) fn check_norm(
     } else {
         Err(IoError::BadQuaternion { location: location(), norm })
     }
+}
+
+/// A quaternion at norm 1, in any component order; `None` where the norm is within the tolerance already.
+///
+/// # Errors
+/// [`IoError::BadQuaternion`] where it is zero or not finite.
+pub(super) fn normalized(
+    quaternion: &[f64; 4],
+    location: impl FnOnce() -> Location,
+) -> Result<Option<[f64; 4]>, IoError> {
+    let Err(error) = check_norm(quaternion, location) else { return Ok(None) };
+    // Squares of very large or small numbers have no place in 64 bits.
+    let largest = quaternion.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
+    if largest == 0.0 || !quaternion.iter().all(|c| c.is_finite()) {
+        return Err(error);
+    }
+    let scaled = quaternion.map(|c| c / largest);
+    let norm = scaled.iter().map(|c| c * c).sum::<f64>().sqrt();
+    Ok(Some(scaled.map(|c| c / norm)))
 }
 
 /// The rotation of a quaternion (x, y, z, w).

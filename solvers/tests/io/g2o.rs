@@ -5,7 +5,7 @@ use std::path::Path;
 use covis_solvers::evaluation::pose_graph_cost;
 use covis_solvers::geometry::{LieGroup, Se2, Se3};
 use covis_solvers::io::IoError;
-use covis_solvers::io::g2o::{G2oGraph, G2oSe2, G2oSe3};
+use covis_solvers::io::g2o::{ChangedLines, G2oChanges, G2oGraph, G2oSe2, G2oSe3, Indefinite};
 
 use super::data::data;
 use super::refused;
@@ -17,6 +17,11 @@ const SE3: &str = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 2 3 0 0.
 
 fn parse(text: &str) -> Result<G2oGraph, IoError> {
     G2oGraph::parse(text.as_bytes(), Path::new("graph.g2o"))
+}
+
+/// A file, and what its reader changed.
+fn changed(text: &str, indefinite: Indefinite) -> Result<(G2oGraph, G2oChanges), IoError> {
+    G2oGraph::parse_with(text.as_bytes(), Path::new("graph.g2o"), indefinite)
 }
 
 pub(crate) fn se2() -> G2oSe2 {
@@ -148,19 +153,59 @@ fn bad_lines_are_refused_by_line_and_field() {
         (SE2.replace("FIX 3", "FIX 4"), &["line 5", "vertex 4 does not exist"]),
         (SE2.replace("FIX 3", "FIX"), &["line 5", "vertex id is missing"]),
         (with("EDGE_SE2 7 8 1 0 0 1 0 0 1 0 1"), &["line 6", "vertex 8 does not exist"]),
-        (with("EDGE_SE2 7 7 1 0 0 1 0 0 1 0 1"), &["line 6", "connects vertex 7 to itself"]),
+        (with("EDGE_SE2 7 7 1 0 0 1 0 0 1 0"), &["line 6", "information[5] is missing"]),
         (with("EDGE_SE2 7 3 1 0 0 1 0 0 1 0"), &["line 6", "information[5] is missing"]),
         (with("EDGE_SE2 7 3 1 0 inf 1 0 0 1 0 1"), &["line 6", "measurement[2] is not finite"]),
         (with(SE3.lines().next().unwrap()), &["line 6", "VERTEX_SE3:QUAT", "2D"]),
         (two_bad, &["line 7", "edge 3 to 7", "indefinite", "-1.000e0", "2 such"]),
         (quaternion("0 0 0 0"), &["line 1", "norm 0"]),
-        (quaternion("0 0 0 1.002"), &["line 1", "norm 1.002"]),
-        (quaternion("1e200 0 0 0"), &["line 1", "norm inf"]),
+        (quaternion("0 0 0 inf"), &["line 1", "pose[6] is not finite"]),
     ];
     for (text, parts) in table {
         refused(parse(text), parts);
     }
-    assert!(parse(&quaternion("0 0 0 1.0009")).is_ok());
+}
+
+#[test]
+fn a_quaternion_far_from_norm_1_is_normalized_and_told() {
+    let zero = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 0\n";
+    refused(parse(zero), &["line 1", "norm 0"]);
+    let vertex =
+        |q: &str| format!("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 5 6 7 {q}\n");
+    for q in ["0 1.2 0 1.6", "0 1.2e200 0 1.6e200", "0 0.6e-200 0 0.8e-200", "0 6e-310 0 8e-310"] {
+        let (graph, changes) = changed(&vertex(q), Indefinite::Refuse).unwrap();
+        assert_eq!(changes.normalized, Some(ChangedLines { count: 1, first_line: 2 }), "{q}");
+        let G2oGraph::Se3(file) = &graph else { panic!("read as 2D") };
+        let pose = file.vertices[1].pose;
+        assert!((pose[4] - 0.6).abs() < 1e-13 && (pose[6] - 0.8).abs() < 1e-13, "{pose:?}");
+        assert_eq!((pose[0], pose[1], pose[2]), (5.0, 6.0, 7.0));
+        assert!(file.to_pose_graph().is_ok());
+        // Written and read again, there is nothing left to change.
+        let again = String::from_utf8(graph.to_bytes()).unwrap();
+        assert_eq!(changed(&again, Indefinite::Refuse).unwrap(), (graph, G2oChanges::default()));
+    }
+    let (graph, changes) = changed(&vertex("0 0 0 1.0009"), Indefinite::Refuse).unwrap();
+    assert_eq!(changes, G2oChanges::default());
+    let G2oGraph::Se3(file) = &graph else { panic!("read as 2D") };
+    assert_eq!(file.vertices[1].pose[6], 1.0009, "the file keeps its numbers");
+    let edge = SE3.replace("0 0.6001 0 0.8", "0 1.2 0 1.6");
+    let two = format!("{edge}{}", edge.lines().last().unwrap());
+    let (graph, changes) = changed(&two, Indefinite::Refuse).unwrap();
+    assert_eq!(changes.normalized, Some(ChangedLines { count: 2, first_line: 3 }));
+    let G2oGraph::Se3(file) = &graph else { panic!("read as 2D") };
+    let scaled = pose_graph_cost(&file.to_pose_graph().unwrap()).total;
+    assert!((file.edges[0].i_from_j[4] - 0.6).abs() < 1e-15 && scaled < 1e-28);
+}
+
+#[test]
+fn an_edge_from_a_vertex_to_itself_is_left_out_and_told() {
+    let text = SE2.replace("EDGE", "EDGE_SE2 3 3 1 0 0 1 0 0 1 0 1\nEDGE");
+    let text = format!("{text}EDGE_SE2 7 7 0 0 0 -1 0 0 1 0 1\n");
+    let (graph, changes) = changed(&text, Indefinite::Refuse).unwrap();
+    let self_edges = Some(ChangedLines { count: 2, first_line: 6 });
+    assert_eq!(changes, G2oChanges { self_edges, ..G2oChanges::default() });
+    assert_eq!(graph, parse(SE2).unwrap());
+    refused(parse("EDGE_SE2 3 3 1 0 0 1 0 0 1 0 1\n"), &["no vertex or edge"]);
 }
 
 #[test]
@@ -168,6 +213,9 @@ fn a_graph_filled_by_hand_is_checked_too() {
     let mut file = se3();
     file.edges[0].i_from_j[3..].copy_from_slice(&[0.0; 4]);
     refused(file.to_pose_graph(), &["edge", "record 0", "norm 0"]);
+    let mut file = se2();
+    file.edges[0].j = file.edges[0].i;
+    refused(file.to_pose_graph(), &["edge", "record 0", "connects vertex 7 to itself"]);
     let mut file = se2();
     file.edges[0].information[0] = -1.0;
     refused(file.to_pose_graph(), &["record 0", "edge 7 to 3", "indefinite", "-1.0", "1 such"]);
@@ -185,9 +233,9 @@ fn a_graph_filled_by_hand_is_checked_too() {
 fn singular_information_matrices_are_read_as_they_stand() {
     for information in ["0 0 0 0 0 0", "4 2 0 1 0 0", "1 0 0 1 0 -1e-13", "9 3 6 1 2 4"] {
         let text = format!("EDGE_SE2 0 1 1 0 0 {information}\n");
-        let (graph, repaired) =
-            G2oGraph::parse_repaired(text.as_bytes(), Path::new("graph.g2o")).unwrap();
-        assert_eq!((parse(&text).unwrap(), None), (graph.clone(), repaired), "{information}");
+        let (graph, changes) = changed(&text, Indefinite::Repair).unwrap();
+        let unchanged = (parse(&text).unwrap(), G2oChanges::default());
+        assert_eq!(unchanged, (graph.clone(), changes), "{information}");
         let G2oGraph::Se2(file) = graph else { panic!("read as 3D") };
         let numbers: Vec<f64> = information.split(' ').map(|n| n.parse().unwrap()).collect();
         assert_eq!(file.edges[0].information[..], numbers);
@@ -200,9 +248,8 @@ fn singular_information_matrices_are_read_as_they_stand() {
 #[test]
 fn indefinite_information_matrices_are_repaired_where_asked() {
     let bad = format!("{SE2}EDGE_SE2 3 7 0 0 0 1 2 0 1 0 5\nEDGE_SE2 7 3 0 0 0 2 0 0 -3 0 1\n");
-    let (graph, repaired) =
-        G2oGraph::parse_repaired(bad.as_bytes(), Path::new("graph.g2o")).unwrap();
-    let repaired = repaired.unwrap();
+    let (graph, changes) = changed(&bad, Indefinite::Repair).unwrap();
+    let repaired = changes.repaired.unwrap();
     assert_eq!((repaired.count, repaired.first_line, repaired.i, repaired.j), (2, 7, 3, 7));
     assert!((repaired.smallest_eigenvalue + 1.0).abs() < 1e-14);
     let G2oGraph::Se2(file) = &graph else { panic!("read as 3D") };
@@ -224,8 +271,8 @@ fn what_was_repaired_needs_no_repair_whatever_its_scales() {
     let information = format!("1 9 0 0 0 0 1 {large} 0 0 0 1 0 0 7 1 2 0 0 0 0");
     let text = format!("EDGE_SE3:QUAT 0 7 1 2 3 0 0 0.6 0.8 {information}\n");
     let path = Path::new("graph.g2o");
-    let (graph, repaired) = G2oGraph::parse_repaired(text.as_bytes(), path).unwrap();
-    assert_eq!(repaired.unwrap().count, 1);
+    let (graph, changes) = changed(&text, Indefinite::Repair).unwrap();
+    assert_eq!(changes.repaired.unwrap().count, 1);
     assert_eq!(G2oGraph::parse(&graph.to_bytes(), path).unwrap(), graph);
 }
 
@@ -233,7 +280,7 @@ fn what_was_repaired_needs_no_repair_whatever_its_scales() {
 fn a_repair_of_the_largest_numbers_is_finite_or_refused() {
     for information in ["1e30 18e300 -1e-308 1e308 5e-324 1e308", "0 1.7e308 0 1.7e308 0 1"] {
         let text = format!("EDGE_SE2 0 1 1 0 0.1 {information}\n");
-        match G2oGraph::parse_repaired(text.as_bytes(), Path::new("graph.g2o")) {
+        match changed(&text, Indefinite::Repair) {
             Ok((graph, _)) => {
                 assert_eq!(G2oGraph::parse(&graph.to_bytes(), Path::new("")).unwrap(), graph)
             }

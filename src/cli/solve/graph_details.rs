@@ -10,7 +10,7 @@ use covis_solvers::certificate::Certificate;
 use covis_solvers::geometry::LieGroup;
 use covis_solvers::io::IoError;
 use covis_solvers::io::format::Content;
-use covis_solvers::io::g2o::{G2oGraph, RepairedEdges};
+use covis_solvers::io::g2o::{ChangedLines, G2oChanges, G2oGraph, Indefinite, RepairedEdges};
 use covis_solvers::loss::Loss;
 use covis_solvers::pose_graph::{self, Undetermined};
 use covis_solvers::problem::{PoseGraph, SolveError};
@@ -18,7 +18,7 @@ use covis_solvers::robust::RobustSummary;
 use serde::Serialize;
 
 use super::report::Details;
-use crate::cli::formats::with_kind;
+use crate::cli::formats::{warn_of_changes, with_kind};
 
 /// Facts of a pose graph's solve.
 #[derive(Debug, Serialize)]
@@ -162,12 +162,25 @@ const SPACE: [&str; 6] = ["x", "y", "z", "rotation x", "rotation y", "rotation z
 pub(super) struct Diagnosis {
     /// Ids of the vertices that were held fixed.
     gauge: Vec<i64>,
+    /// Lines whose quaternion was far from norm 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    normalized: Option<Changed>,
+    /// Edges from a vertex to itself, which are left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    self_edges: Option<Changed>,
     /// With `--repair-information`.
     #[serde(skip_serializing_if = "Option::is_none")]
     repaired: Option<Repaired>,
     /// Vertices that the edges leave open.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     undetermined: Vec<Open>,
+}
+
+/// Lines that the reader changed.
+#[derive(Debug, Serialize)]
+struct Changed {
+    count: usize,
+    first_line: u64,
 }
 
 /// Information matrices that were replaced.
@@ -194,15 +207,15 @@ struct Open {
     directions: Vec<Vec<f64>>,
 }
 
-/// Reads a file, as it stands or with its information matrices repaired.
+/// Reads a file, as it stands or with its information matrices repaired, and warns of what was changed
+/// without being asked for.
 pub(super) fn read(path: &Path, repair: bool) -> anyhow::Result<(G2oGraph, Diagnosis)> {
-    if repair {
-        let (file, repaired) = G2oGraph::read_repaired(path)?;
-        let repaired = Some(Repaired::new(repaired));
-        return Ok((file, Diagnosis { repaired, ..Diagnosis::default() }));
-    }
-    match G2oGraph::read(path) {
-        Ok(file) => Ok((file, Diagnosis::default())),
+    let indefinite = if repair { Indefinite::Repair } else { Indefinite::Refuse };
+    match G2oGraph::read_with(path, indefinite) {
+        Ok((file, changes)) => {
+            warn_of_changes(path, &changes);
+            Ok((file, Diagnosis::new(&changes, repair)))
+        }
         Err(error @ IoError::IndefiniteInformation { .. }) => Err(anyhow::Error::new(error)
             .context("--repair-information takes the nearest positive semi-definite matrices")),
         Err(error) => Err(with_kind(error, path, Content::PoseGraph)),
@@ -221,6 +234,19 @@ impl Repaired {
 }
 
 impl Diagnosis {
+    /// What the reader changed.
+    fn new(changes: &G2oChanges, repair: bool) -> Self {
+        let changed = |lines: Option<ChangedLines>| {
+            lines.map(|ChangedLines { count, first_line }| Changed { count, first_line })
+        };
+        Self {
+            normalized: changed(changes.normalized),
+            self_edges: changed(changes.self_edges),
+            repaired: repair.then(|| Repaired::new(changes.repaired)),
+            ..Self::default()
+        }
+    }
+
     /// Adds what can be seen in the solved graph.
     pub(super) fn of_solution<G: LieGroup<N>, const N: usize>(
         &mut self,

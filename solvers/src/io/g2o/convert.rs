@@ -18,7 +18,7 @@ use crate::problem::PoseGraph;
 
 /// A group whose elements a g2o file writes with `P` numbers.
 pub trait G2oPose<const N: usize, const P: usize>: LieGroup<N> {
-    /// The element that the numbers stand for; `None` where a quaternion's norm is off.
+    /// The element that the numbers stand for; `None` where a quaternion's norm is off by more than 1e-3.
     fn from_numbers(numbers: &[f64; P]) -> Option<Self>;
 
     /// The numbers of this element.
@@ -95,7 +95,7 @@ impl G2oSe2 {
     ///
     /// # Errors
     /// For a file that was not parsed but filled by hand: the first record that a parse would
-    /// refuse, by its number.
+    /// refuse or change, by its number.
     pub fn to_pose_graph(&self) -> Result<PoseGraph<Se2, 3>, IoError> {
         to_pose_graph(self)
     }
@@ -106,7 +106,7 @@ impl G2oSe3 {
     ///
     /// # Errors
     /// For a file that was not parsed but filled by hand: the first record that a parse would
-    /// refuse, by its number.
+    /// refuse or change, by its number.
     pub fn to_pose_graph(&self) -> Result<PoseGraph<Se3, 6>, IoError> {
         to_pose_graph(self)
     }

@@ -3,7 +3,8 @@
 //! A vertex is world_from_pose, an edge i_from_j with the upper triangle of its information matrix,
 //! row by row, translation first (covis' own order). The file's numbers are kept as they stand, so
 //! that writing gives the same objective back; only the conversion to a pose graph normalizes
-//! quaternions. Lines of parameters (`PARAMS_…`) are skipped: no record that is read uses them, and a
+//! quaternions whose norm is nearly 1. As g2o does, a reader normalizes all others, and leaves out edges
+//! from a vertex to itself; [`G2oChanges`] tells of both. Lines of parameters (`PARAMS_…`) are skipped: no record that is read uses them, and a
 //! record that does is refused by its tag. Information matrices may be singular; negative eigenvalues
 //! are refused, or repaired in the file's numbers where the caller asks for it. A file may have edges
 //! only: its ids then come from the edges, its poses are the identity and the start must be made
@@ -15,11 +16,10 @@ mod write;
 
 use std::path::Path;
 
-use parse::Indefinite;
-
 use super::{IoError, files};
 
 pub use convert::G2oPose;
+pub use parse::Indefinite;
 
 /// One vertex line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +69,26 @@ pub struct RepairedEdges {
     pub smallest_eigenvalue: f64,
 }
 
+/// Lines that a reader changed or left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChangedLines {
+    /// How many there were.
+    pub count: usize,
+    /// The first, from 1.
+    pub first_line: u64,
+}
+
+/// What a reader changed in a file, so that its caller can tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct G2oChanges {
+    /// Lines whose quaternion was normalized: its norm differed from 1 by more than 1e-3.
+    pub normalized: Option<ChangedLines>,
+    /// Edges from a vertex to itself, which were left out.
+    pub self_edges: Option<ChangedLines>,
+    /// Edges whose information matrix was repaired.
+    pub repaired: Option<RepairedEdges>,
+}
+
 /// A 2D graph.
 pub type G2oSe2 = G2oFile<3, 6>;
 
@@ -97,32 +117,31 @@ impl G2oGraph {
     ///
     /// # Errors
     /// With its line: an unknown tag, 2D and 3D in one file, a field that is missing, malformed or
-    /// not finite, a word too many, a quaternion whose norm is off by more than 1e-3, a vertex id
-    /// that stands twice, an edge or `FIX` of a vertex that the file does not hold, an edge from a
-    /// vertex to itself, information matrices with an eigenvalue that is negative by more than
-    /// 1e-12 of the largest. And a file without edges and vertices.
+    /// not finite, a word too many, a quaternion of zeros, a vertex id that stands twice, an edge or
+    /// `FIX` of a vertex that the file does not hold, information matrices with an eigenvalue that is
+    /// negative by more than 1e-12 of the largest. And a file without edges and vertices.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, IoError> {
-        parse::parse(bytes, path, Indefinite::Refuse).map(|(graph, _)| graph)
+        Self::parse_with(bytes, path, Indefinite::Refuse).map(|(graph, _)| graph)
     }
 
-    /// Reads a file and puts the nearest positive semi-definite matrix (in the Frobenius norm) in the
-    /// location of each information matrix that has a negative eigenvalue; tells of these, if any.
+    /// As [`G2oGraph::read`], and tells what was changed.
     ///
     /// # Errors
-    /// Those of [`G2oGraph::read`], but for what was repaired.
-    pub fn read_repaired(path: &Path) -> Result<(Self, Option<RepairedEdges>), IoError> {
-        Self::parse_repaired(&files::read(path)?, path)
+    /// [`IoError::Read`], and those of [`G2oGraph::parse_with`].
+    pub fn read_with(path: &Path, indefinite: Indefinite) -> Result<(Self, G2oChanges), IoError> {
+        Self::parse_with(&files::read(path)?, path, indefinite)
     }
 
-    /// As [`G2oGraph::read_repaired`], of a file's bytes; `path` names them in errors.
+    /// As [`G2oGraph::parse`], and tells what was changed.
     ///
     /// # Errors
     /// Those of [`G2oGraph::parse`], but for what was repaired.
-    pub fn parse_repaired(
+    pub fn parse_with(
         bytes: &[u8],
         path: &Path,
-    ) -> Result<(Self, Option<RepairedEdges>), IoError> {
-        parse::parse(bytes, path, Indefinite::Repair)
+        indefinite: Indefinite,
+    ) -> Result<(Self, G2oChanges), IoError> {
+        parse::parse(bytes, path, indefinite)
     }
 
     /// Writes the file with 17 significant digits: reading it gives the same numbers.

@@ -1,25 +1,25 @@
 //! g2o in: one pass over the lines, then the checks that need the whole file.
 //!
 //! Lines are remembered during the parse only, so that a refusal names them. Numbers stay those of the
-//! file, except for information matrices that are repaired on request.
+//! file, except for quaternions far from norm 1 and for information matrices that are repaired on request.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::super::error::excerpt;
-use super::super::rotation::check_norm;
+use super::super::rotation::normalized;
 use super::super::text::{Line, Text};
 use super::super::{IoError, Location, files};
 use super::convert::{refused, symmetric, upper_triangle};
-use super::{G2oEdge, G2oFile, G2oGraph, G2oVertex, RepairedEdges};
+use super::{ChangedLines, G2oChanges, G2oEdge, G2oFile, G2oGraph, G2oVertex, RepairedEdges};
 use crate::information::{Information, InformationError};
 
 /// What becomes of information matrices with negative eigenvalues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Indefinite {
+pub enum Indefinite {
     /// The file is refused.
     Refuse,
-    /// The nearest positive semi-definite matrix takes their place.
+    /// The nearest positive semi-definite matrix (in the Frobenius norm) takes their place.
     Repair,
 }
 
@@ -36,14 +36,15 @@ struct Builder<const P: usize, const U: usize> {
     file: G2oFile<P, U>,
     edge_lines: Vec<u64>,
     ids: BTreeSet<i64>,
+    changes: G2oChanges,
 }
 
-/// The file, and what was repaired in it.
+/// The file, and what was changed in it.
 pub(super) fn parse(
     bytes: &[u8],
     path: &Path,
     indefinite: Indefinite,
-) -> Result<(G2oGraph, Option<RepairedEdges>), IoError> {
+) -> Result<(G2oGraph, G2oChanges), IoError> {
     files::check_lines(bytes, path)?;
     let mut se2 = Builder::<3, 6>::new();
     let mut se3 = Builder::<7, 21>::new();
@@ -78,11 +79,11 @@ pub(super) fn parse(
         }
     }
     if !se2.is_empty() {
-        let (file, repaired) = se2.finish::<3>(fixed, path, indefinite)?;
-        Ok((G2oGraph::Se2(file), repaired))
+        let (file, changes) = se2.finish::<3>(fixed, path, indefinite)?;
+        Ok((G2oGraph::Se2(file), changes))
     } else if !se3.is_empty() {
-        let (file, repaired) = se3.finish::<6>(fixed, path, indefinite)?;
-        Ok((G2oGraph::Se3(file), repaired))
+        let (file, changes) = se3.finish::<6>(fixed, path, indefinite)?;
+        Ok((G2oGraph::Se3(file), changes))
     } else {
         Err(IoError::Empty { path: path.to_owned(), what: "vertex or edge" })
     }
@@ -95,7 +96,8 @@ fn mixed(line: &Line<'_>, tag: &[u8], kind: &'static str) -> IoError {
 impl<const P: usize, const U: usize> Builder<P, U> {
     fn new() -> Self {
         let file = G2oFile { vertices: Vec::new(), edges: Vec::new(), fixed: Vec::new() };
-        Self { file, edge_lines: Vec::new(), ids: BTreeSet::new() }
+        let changes = G2oChanges::default();
+        Self { file, edge_lines: Vec::new(), ids: BTreeSet::new(), changes }
     }
 
     fn is_empty(&self) -> bool {
@@ -104,8 +106,8 @@ impl<const P: usize, const U: usize> Builder<P, U> {
 
     fn vertex(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
         let id: i64 = line.integer("vertex id")?;
-        let pose = line.numbers("pose")?;
-        check_pose(&pose, &line)?;
+        let mut pose = line.numbers("pose")?;
+        self.normalize(&mut pose, &line)?;
         let location = line.location();
         line.end()?;
         if !self.ids.insert(id) {
@@ -118,15 +120,28 @@ impl<const P: usize, const U: usize> Builder<P, U> {
     fn edge(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
         let i: i64 = line.integer("vertex i")?;
         let j: i64 = line.integer("vertex j")?;
-        if i == j {
-            return Err(IoError::SelfEdge { location: line.location(), id: i });
-        }
-        let i_from_j = line.numbers("measurement")?;
-        check_pose(&i_from_j, &line)?;
+        let mut i_from_j = line.numbers("measurement")?;
         let information = line.numbers("information")?;
+        if i == j {
+            note(&mut self.changes.self_edges, &line);
+            return line.end();
+        }
+        self.normalize(&mut i_from_j, &line)?;
         self.edge_lines.push(line.line_number());
         line.end()?;
         self.file.edges.push(G2oEdge { i, j, i_from_j, information });
+        Ok(())
+    }
+
+    /// Gives the quaternion of a 3D pose norm 1, unless rounding alone keeps it from that.
+    fn normalize(&mut self, pose: &mut [f64; P], line: &Line<'_>) -> Result<(), IoError> {
+        let quaternion = pose.get_mut(3..).and_then(|q| q.first_chunk_mut::<4>());
+        if let Some(quaternion) = quaternion
+            && let Some(new) = normalized(quaternion, || line.location())?
+        {
+            *quaternion = new;
+            note(&mut self.changes.normalized, line);
+        }
         Ok(())
     }
 
@@ -136,7 +151,7 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         fixed: Vec<(i64, u64)>,
         path: &Path,
         indefinite: Indefinite,
-    ) -> Result<(G2oFile<P, U>, Option<RepairedEdges>), IoError> {
+    ) -> Result<(G2oFile<P, U>, G2oChanges), IoError> {
         let edges = &self.file.edges;
         if !self.file.has_vertices() {
             self.ids.extend(edges.iter().flat_map(|e| [e.i, e.j]));
@@ -149,9 +164,9 @@ impl<const P: usize, const U: usize> Builder<P, U> {
                 return Err(IoError::UnknownId { location, field: "vertex", id: id.into() });
             }
         }
-        let repaired = self.check_information::<N>(path, indefinite)?;
+        self.changes.repaired = self.check_information::<N>(path, indefinite)?;
         self.file.fixed = fixed.into_iter().map(|(id, _)| id).collect();
-        Ok((self.file, repaired))
+        Ok((self.file, self.changes))
     }
 
     /// Refuses or repairs information matrices with negative eigenvalues.
@@ -187,10 +202,8 @@ impl<const P: usize, const U: usize> Builder<P, U> {
     }
 }
 
-/// Checks the quaternion of a 3D pose.
-fn check_pose<const P: usize>(pose: &[f64; P], line: &Line<'_>) -> Result<(), IoError> {
-    match pose.get(3..).and_then(|q| q.first_chunk::<4>()) {
-        Some(quaternion) => check_norm(quaternion, || line.location()),
-        None => Ok(()),
-    }
+/// Counts a line that is changed.
+fn note(lines: &mut Option<ChangedLines>, line: &Line<'_>) {
+    let first = ChangedLines { count: 0, first_line: line.line_number() };
+    lines.get_or_insert(first).count += 1;
 }
