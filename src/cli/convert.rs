@@ -58,6 +58,9 @@ struct Document {
     poses: usize,
     landmarks: usize,
     observations: usize,
+    /// Points of a COLMAP output that fewer than two images observe.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    single_view_points: Option<usize>,
     /// What stands for times where the input has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     times: Option<&'static str>,
@@ -90,7 +93,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let is_numbered = from.entry().content != Content::Trajectory
         || from == Format::Trajectory(TrajectoryFormat::Kitti) && args.times.is_none();
     let has_times = matches!(to, Format::Trajectory(format) if format.has_times());
-    write(&input, from, to, &args.output)?;
+    let single_view_points = write(&input, from, to, &args.output)?.filter(|&count| count > 0);
     drop(working);
     let document = Document {
         from: from.entry().name,
@@ -99,20 +102,27 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         poses,
         landmarks,
         observations,
+        single_view_points,
         times: (is_numbered && has_times).then(|| numbers(&input)),
     };
     show(args.json, &document, || sentence(&document))
 }
 
 fn sentence(document: &Document) -> String {
-    let Document { from, to, output, poses, landmarks, observations, times } = document;
+    let Document { from, to, output, poses, landmarks, observations, times, .. } = document;
     let more = if *landmarks > 0 {
         format!(", {landmarks} points, {observations} observations")
     } else {
         String::new()
     };
     let times = times.map(|times| format!("; times are {times}")).unwrap_or_default();
-    format!("{from} to {to}: {poses} poses{more} in {}{times}", output.display())
+    let single = document.single_view_points.map(|count| {
+        format!(
+            "; {count} points in fewer than two images, which COLMAP's bundle adjustment refuses"
+        )
+    });
+    let single = single.unwrap_or_default();
+    format!("{from} to {to}: {poses} poses{more} in {}{times}{single}", output.display())
 }
 
 /// What stands for times.
@@ -206,13 +216,20 @@ impl Input {
     }
 }
 
-fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<()> {
+/// Writes all that the input holds. Returns how many points of a COLMAP output fewer than two images
+/// observe.
+fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<Option<usize>> {
     match (to, input) {
         (Format::Trajectory(format), input) => input.trajectory()?.write_as(out, format)?,
         // COLMAP's own numbers, with keypoints that have no point.
-        (Format::Colmap(encoding), Input::Bundle(_, Some(own))) => own.write(out, encoding)?,
+        (Format::Colmap(encoding), Input::Bundle(_, Some(own))) => {
+            own.write(out, encoding)?;
+            return Ok(Some(own.single_view_points()));
+        }
         (Format::Colmap(encoding), Input::Bundle(model, None)) => {
-            model.to_colmap()?.write(out, encoding)?;
+            let made = model.to_colmap()?;
+            made.write(out, encoding)?;
+            return Ok(Some(made.single_view_points()));
         }
         (Format::Bal, Input::Bundle(model, _)) => model.to_bal()?.write(out)?,
         (Format::Bundler, Input::Bundle(model, _)) => model.to_bundler()?.write(out)?,
@@ -226,7 +243,7 @@ fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<
             bail!("{} cannot be made from {}", named(to), named(from));
         }
     }
-    Ok(())
+    Ok(None)
 }
 
 /// Points, and the path of the poses.
