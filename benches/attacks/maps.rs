@@ -87,6 +87,7 @@ pub(crate) async fn unread_export(target: Target) {
         let request = v1::ExportMapRequest {
             map_id: "large".to_owned(),
             format: v1::MapFormat::ColmapText.into(),
+            all_landmarks: false,
         };
         let answer = service.export_map(bearing("foe", request)).await;
         if target.tally.count(&answer) {

@@ -293,7 +293,22 @@ impl Client {
         map_id: &str,
         format: v1::MapFormat,
     ) -> Result<MapExport, ClientError> {
-        let request = v1::ExportMapRequest { map_id: map_id.to_owned(), format: format.into() };
+        let request = v1::ExportMapRequest {
+            map_id: map_id.to_owned(),
+            format: format.into(),
+            ..v1::ExportMapRequest::default()
+        };
+        self.export_map_with(request).await
+    }
+
+    /// As [`Client::export_map`], with everything that a request can choose.
+    ///
+    /// # Errors
+    /// The codes of `ExportMap`.
+    pub async fn export_map_with(
+        &self,
+        request: v1::ExportMapRequest,
+    ) -> Result<MapExport, ClientError> {
         led!(
             self,
             match answer(export::RPC, self.map_service().export_map(request.clone()).await) {

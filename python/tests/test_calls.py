@@ -82,12 +82,48 @@ def test_a_map_leaves_as_files_and_to_pycolmap(room, tmp_path):
     model = room.to_pycolmap("room")
     assert isinstance(model, pycolmap.Reconstruction)
     assert (model.num_images(), model.num_points3D()) == (5, 60)
-    assert model.compute_mean_reprojection_error() < 1e-3
+    told = model.compute_mean_reprojection_error()
+    assert told < 1e-3
+    model.update_point_3d_errors()
+    assert abs(model.compute_mean_reprojection_error() - told) < 1e-6
     with pytest.raises(FileNotFoundError, match="images.bin is missing"):
         (tmp_path / "cameras.bin").touch()
         room.import_map("none", tmp_path, "colmap-binary")
     with pytest.raises(ValueError, match="format must be one of"):
         room.export_map("room", tmp_path, "obj")
+
+
+def test_pycolmap_adjusts_the_export_of_a_map_at_once(client, tmp_path):
+    """Landmark 1000 has one view, 1001 is behind its cameras: the error is then what COLMAP counts."""
+    pycolmap = pytest.importorskip("pycolmap")
+    policy = v1.MapPolicy(odometry=False, local_bundle_adjustment=False)
+    noise = np.random.default_rng(7)
+    with client.ingest("room", "robot", policy=policy) as session:
+        send(session, *range(5))
+        for id, more in ((5, [1000, 1001]), (6, [1001])):
+            pixels = view(id)[0] + 0.3 * noise.standard_normal((len(LANDMARKS), 2))
+            extra = np.array([[0.0, 0, 5], [0, 0, -30]])[: len(more)]
+            session.keyframe(
+                id,
+                100.5 + id,
+                pose(id),
+                np.vstack([pixels, np.full_like(extra[:, :2], 200.0)]),
+                [*LANDMARKS, *more],
+                new_points=np.vstack([POINTS, extra]) if id == 5 else None,
+            )
+    everything = client.export_map("room", tmp_path, all_points=True)
+    assert len(everything) == 3
+    read = pycolmap.Reconstruction(tmp_path)
+    assert sorted(p.track.length() for p in read.points3D.values())[0] == 1
+    model = client.to_pycolmap("room")
+    assert model.num_points3D() == read.num_points3D() - 1
+    told = {id: point.error for id, point in model.points3D.items()}
+    mean = model.compute_mean_reprojection_error()
+    model.update_point_3d_errors()
+    for id, point in model.points3D.items():
+        assert point.error == pytest.approx(told[id], rel=1e-12, abs=1e-6)
+    assert mean == pytest.approx(model.compute_mean_reprojection_error(), rel=1e-12)
+    pycolmap.bundle_adjustment(model)
 
 
 def test_a_whole_map_is_optimized_and_its_iterations_are_told(room):

@@ -265,14 +265,14 @@ impl MapService for Rpcs {
         let (caller, request) = (Caller::of(&request), request.into_inner());
         self.context.stream("ExportMap", time, Messages::Large, |sink| async move {
             let map = rpcs.map(&caller?, &request.map_id).await?;
-            let format = export::format(request.format)?;
+            let choice = export::choice(&request)?;
             let _reservation = map.account().reserve(Resource::Exports, 1)?;
             let snapshot = map.snapshot().await?;
             let map_id = request.map_id.clone();
             let exported = Arc::clone(&snapshot);
-            let started = move || export::Export::new(map_id, exported, format);
+            let started = move || export::Export::new(map_id, exported, choice);
             let mut export = Context::blocking(started).await?;
-            if format == export::Format::G2o {
+            if choice.format == export::Format::G2o {
                 export = export.with_graph(rpcs.graph_lines(&map, snapshot).await?);
             }
             let header = v1::ExportMapHeader {

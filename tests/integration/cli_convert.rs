@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use covis_solvers::io::bundler::BundlerFile;
-use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
+use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel, ColmapPoint};
 use covis_solvers::io::format::FORMATS;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
+use nalgebra::{Vector2, Vector3};
 
 use crate::cli_support::{Running, Workspace, data, golden, number};
 
@@ -169,6 +170,43 @@ fn a_map_is_exported_and_imported_as_kitti_and_euroc() {
     assert_eq!(kitti.world_from_body.len(), given.len());
     let left: Vec<_> = fs_err::read_dir(workspace.path("folder")).unwrap().collect();
     assert_eq!(left.len(), 1, "the server's own form is not left behind");
+}
+
+/// COLMAP's bundle adjustment ends the process at a track of one view.
+#[test]
+fn a_map_is_exported_to_colmap_without_points_of_one_view_and_nothing_else_loses_them() {
+    let workspace = Workspace::new();
+    let mut model = ColmapModel::read(&golden("twins/colmap-room")).unwrap();
+    let (count, image) = (model.points.len(), *model.images.keys().next().unwrap());
+    model.points.insert(9999, ColmapPoint::new(&Vector3::new(0.5, 0.25, 4.0), [1, 2, 3]));
+    model.push_observation(image, &Vector2::new(20.0, 30.0), 9999).unwrap();
+    model.write(&workspace.path("model"), ColmapEncoding::Text).unwrap();
+    let told = workspace.json("convert model binary --to colmap-binary --json", &[]);
+    assert_eq!(told["single_view_points"], 1);
+    assert_eq!(ColmapModel::read(&workspace.path("binary")).unwrap(), model);
+    let told = workspace.run("convert model binary --to colmap-binary", &[]).stdout;
+    assert!(told.contains("; 1 points in fewer than two images"), "{told}");
+
+    let folder = workspace.path("data");
+    let server = Running::start(&workspace, &folder);
+    let on = format!("--server {}", server.url);
+    workspace.json(&format!("map import room model {on} --json"), &[]);
+    let export = format!("map export room --format colmap-binary {on} --json --out");
+    let exported = |name: &str| {
+        workspace.json(&format!("{export} {name}"), &[]);
+        ColmapModel::read(&workspace.path(name.split(' ').next().unwrap())).unwrap()
+    };
+    let keypoints = |model: &ColmapModel| -> usize {
+        model.images.values().map(|image| image.keypoints.len()).sum()
+    };
+    let (some, all) = (exported("some"), exported("all --all-points"));
+    assert_eq!((some.points.len(), all.points.len()), (count, count + 1));
+    assert_eq!((some.single_view_points(), all.single_view_points()), (0, 1));
+    assert_eq!(keypoints(&some), keypoints(&all), "a keypoint without its point stays");
+    assert!(all.points.values().all(|point| point.error >= 0.0), "each has its error");
+    workspace
+        .run(&format!("map export room --format tum --out out.tum --all-points {on}"), &[])
+        .expect_failure(&["all_landmarks", "only COLMAP's formats leave landmarks out"]);
 }
 
 #[test]

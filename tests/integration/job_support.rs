@@ -209,7 +209,11 @@ pub(crate) fn compact(map_id: &str, redundant_share: Option<f64>) -> Spec {
 }
 
 pub(crate) fn export(map_id: &str, format: v1::MapFormat) -> Spec {
-    Spec::ExportMap(v1::ExportMapRequest { map_id: map_id.to_owned(), format: format.into() })
+    Spec::ExportMap(v1::ExportMapRequest {
+        map_id: map_id.to_owned(),
+        format: format.into(),
+        all_landmarks: false,
+    })
 }
 
 pub(crate) fn solve(upload_id: &str) -> Spec {

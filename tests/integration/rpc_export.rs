@@ -21,7 +21,11 @@ pub(crate) async fn export(
     map_id: &str,
     format: v1::MapFormat,
 ) -> Result<(v1::ExportMapHeader, Vec<(String, Vec<u8>)>), Status> {
-    let request = v1::ExportMapRequest { map_id: map_id.to_owned(), format: format.into() };
+    let request = v1::ExportMapRequest {
+        map_id: map_id.to_owned(),
+        format: format.into(),
+        all_landmarks: false,
+    };
     let mut stream = server.maps().export_map(request).await?.into_inner();
     let first = stream.message().await?.and_then(|m| m.content);
     let Some(Content::Header(header)) = first else { panic!("the header comes first: {first:?}") };
@@ -189,9 +193,15 @@ fn export_map_refuses_bad_requests() {
         check_status(&status, Code::NotFound, "MAP_NOT_FOUND");
         let status = export(&server, "", v1::MapFormat::Tum).await.unwrap_err();
         check_field(&status, "map_id", "MISSING");
-        let request = v1::ExportMapRequest { map_id: "room".to_owned(), format: 99 };
+        let request =
+            v1::ExportMapRequest { map_id: "room".to_owned(), format: 99, all_landmarks: false };
         let mut stream = server.maps().export_map(request).await.unwrap().into_inner();
         check_field(&stream.message().await.unwrap_err(), "format", "UNKNOWN_VALUE");
+        let format = v1::MapFormat::Covis.into();
+        let request =
+            v1::ExportMapRequest { map_id: "room".to_owned(), format, all_landmarks: true };
+        let mut stream = server.maps().export_map(request).await.unwrap().into_inner();
+        check_field(&stream.message().await.unwrap_err(), "all_landmarks", "INCONSISTENT");
     });
 }
 

@@ -211,8 +211,11 @@ fn a_reader_that_leaves_a_g2o_export_gives_its_place_back_at_once() {
         let exports = || pool.accounts().tenant("").held(Resource::Exports);
         // The pose graph waits for a thread.
         let busy = occupy(&server).await;
-        let request =
-            v1::ExportMapRequest { map_id: "wall".to_owned(), format: v1::MapFormat::G2o.into() };
+        let request = v1::ExportMapRequest {
+            map_id: "wall".to_owned(),
+            format: v1::MapFormat::G2o.into(),
+            all_landmarks: false,
+        };
         let mut maps = server.maps();
         let reader = tokio::spawn(async move {
             let mut stream = maps.export_map(request).await.unwrap().into_inner();

@@ -19,7 +19,11 @@ pub(crate) type File = (String, Vec<u8>);
 
 /// The files of an export.
 pub(crate) async fn export(server: &TestServer, map_id: &str, format: v1::MapFormat) -> Vec<File> {
-    let request = v1::ExportMapRequest { map_id: map_id.to_owned(), format: format.into() };
+    let request = v1::ExportMapRequest {
+        map_id: map_id.to_owned(),
+        format: format.into(),
+        all_landmarks: false,
+    };
     let mut stream = server.maps().export_map(request).await.unwrap().into_inner();
     let mut files: Vec<File> = Vec::new();
     while let Some(message) = stream.message().await.unwrap() {

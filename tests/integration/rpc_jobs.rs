@@ -131,8 +131,11 @@ fn pose_graphs_exports_evaluations_and_compactions_run_to_their_ends() {
             let paths: Vec<&str> = made.iter().map(|(path, _)| path.as_str()).collect();
             assert_eq!(paths, job.files.iter().map(|f| f.path.as_str()).collect::<Vec<_>>());
             assert_eq!(paths[0], "report.json");
-            let request =
-                v1::ExportMapRequest { map_id: "house".to_owned(), format: format.into() };
+            let request = v1::ExportMapRequest {
+                map_id: "house".to_owned(),
+                format: format.into(),
+                all_landmarks: false,
+            };
             let mut stream = server.maps().export_map(request).await.unwrap().into_inner();
             let mut called: Vec<(String, Vec<u8>)> = Vec::new();
             while let Some(message) = stream.message().await.unwrap() {

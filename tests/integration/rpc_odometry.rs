@@ -162,7 +162,11 @@ fn a_keyframe_needs_a_camera_only_for_observations() {
 
         // COLMAP has no place for it, TUM has.
         let export = async |format: v1::MapFormat| {
-            let request = v1::ExportMapRequest { map_id: "room".to_owned(), format: format.into() };
+            let request = v1::ExportMapRequest {
+                map_id: "room".to_owned(),
+                format: format.into(),
+                all_landmarks: false,
+            };
             server.maps().export_map(request).await.unwrap().into_inner().message().await
         };
         for format in [v1::MapFormat::ColmapText, v1::MapFormat::ColmapBinary] {

@@ -2325,7 +2325,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__submit)
-            opts="-h --map --file --id --priority --wait --out --max-iterations --time-limit --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --json --server --ca --cert --key --token-file --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve rebuild"
+            opts="-h --map --file --id --priority --wait --out --max-iterations --time-limit --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --all-points --json --server --ca --cert --key --token-file --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve rebuild"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3181,7 +3181,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__export)
-            opts="-h --format --out --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --format --out --all-points --json --server --ca --cert --key --token-file --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0

@@ -312,6 +312,7 @@ json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l wait -d 'Wait for the job\'s end; the exit code is 1 if it does not succeed'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l refine-intrinsics -d 'optimize-map on a map: optimize the cameras\' intrinsics too; with files this is always on'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l keep-journal -d 'compact: keep the journal before the snapshot'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l all-points -d 'export to COLMAP: also the points that fewer than two keyframes observe'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l map -d 'Only jobs on this map' -r
@@ -574,6 +575,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l all-points -d 'COLMAP: also write the points that fewer than two keyframes observe. COLMAP\'s bundle adjustment refuses such points'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l format -d 'Format of the files [default: detected from their names]' -r -f -a "colmap-text\t'COLMAP sparse model as text'

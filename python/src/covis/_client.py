@@ -229,13 +229,24 @@ class Client:
         return await _maps.trajectory(self._link, map_id, client_id)
 
     async def export_map(
-        self, map_id: str, folder: str | os.PathLike[str], format: str = "colmap-binary"
+        self,
+        map_id: str,
+        folder: str | os.PathLike[str],
+        format: str = "colmap-binary",
+        *,
+        all_points: bool = False,
     ) -> list[Path]:
         """Writes a map as files into `folder` and returns their paths.
 
         `format`: "colmap-binary", "colmap-text", "tum", "g2o", "ply" or "covis" (all of the map).
+        `all_points`: of COLMAP, also the points that fewer than two keyframes observe, which COLMAP's
+        bundle adjustment refuses.
         """
-        request = ExportMapRequest(map_id=map_id, format=_files.format_number(format))  # type: ignore[arg-type]
+        request = ExportMapRequest(
+            map_id=map_id,
+            format=_files.format_number(format),  # type: ignore[arg-type]
+            all_landmarks=all_points,
+        )
         async with aclosing(self._link.answers(request)) as answers:  # type: ignore[type-var]
             return await _files.write("ExportMap", answers, Path(folder))
 
@@ -263,7 +274,10 @@ class Client:
         return _map_of(await self._link.upload(requests, ImportMapRequest))
 
     async def to_pycolmap(self, map_id: str) -> Any:
-        """A map as pycolmap's `Reconstruction`; needs the extra `colmap`."""
+        """A map as pycolmap's `Reconstruction`; needs the extra `colmap`.
+
+        It has the points that two keyframes observe, so that pycolmap can adjust it at once.
+        """
         import pycolmap
 
         with tempfile.TemporaryDirectory(prefix="covis-") as folder:

@@ -131,12 +131,14 @@ class Client(Blocking[_client.Client]):
         """The poses of one client's keyframes; of the only client by default."""
         return run(lambda: self._twin.trajectory(map_id, client_id))
 
-    def export_map(self, map_id: str, folder: str | os.PathLike[str], format: str='colmap-binary') -> list[Path]:
+    def export_map(self, map_id: str, folder: str | os.PathLike[str], format: str='colmap-binary', *, all_points: bool=False) -> list[Path]:
         """Writes a map as files into `folder` and returns their paths.
 
         `format`: "colmap-binary", "colmap-text", "tum", "g2o", "ply" or "covis" (all of the map).
+        `all_points`: of COLMAP, also the points that fewer than two keyframes observe, which COLMAP's
+        bundle adjustment refuses.
         """
-        return run(lambda: self._twin.export_map(map_id, folder, format))
+        return run(lambda: self._twin.export_map(map_id, folder, format, all_points=all_points))
 
     def import_map(self, map_id: str, path: str | os.PathLike[str], format: str='colmap-binary', *, client_id: str='', policy: MapPolicy | None=None) -> MapInfo:
         """Creates a map from a file, or from a folder with a COLMAP model.
@@ -147,7 +149,10 @@ class Client(Blocking[_client.Client]):
         return run(lambda: self._twin.import_map(map_id, path, format, client_id=client_id, policy=policy))
 
     def to_pycolmap(self, map_id: str) -> Any:
-        """A map as pycolmap's `Reconstruction`; needs the extra `colmap`."""
+        """A map as pycolmap's `Reconstruction`; needs the extra `colmap`.
+
+        It has the points that two keyframes observe, so that pycolmap can adjust it at once.
+        """
         return run(lambda: self._twin.to_pycolmap(map_id))
 
     def optimize(self, map_id: str, *, problem: str='full', certify: bool=False, loss: str | None=None, gauge: str | None=None, max_iterations: int | None=None, time_limit_s: float | None=None, on_iteration: Callable[[IterationSummary], None] | None=None) -> OptimizeMapResult:

@@ -74,6 +74,9 @@ pub(super) struct Args {
     /// export: what to write.
     #[arg(long)]
     format: Option<MapFormat>,
+    /// export to COLMAP: also the points that fewer than two keyframes observe.
+    #[arg(long)]
+    all_points: bool,
 }
 
 /// What a job does.
@@ -179,7 +182,11 @@ async fn spec(client: &Client, args: &Args) -> anyhow::Result<Spec> {
         Kind::Export => {
             let format = args.format.context("export needs --format")?;
             let format = v1::MapFormat::from(format).into();
-            Spec::ExportMap(v1::ExportMapRequest { map_id: map()?, format })
+            Spec::ExportMap(v1::ExportMapRequest {
+                map_id: map()?,
+                format,
+                all_landmarks: args.all_points,
+            })
         }
         Kind::Rebuild => {
             Spec::Reconstruct(v1::ReconstructSpec { map_id: map()?, ..Default::default() })

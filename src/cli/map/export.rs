@@ -32,13 +32,15 @@ pub(in crate::cli) fn path_lines(files: &[PathBuf]) -> String {
 /// Exports a map and prints the paths of the files.
 pub(super) async fn export(
     client: &Client,
-    name: String,
-    format: Format,
+    (name, format, all_landmarks): (String, Format, bool),
     out: &Path,
     json: bool,
 ) -> anyhow::Result<()> {
     let working = Working::new(format_args!("exporting map {name}"));
-    let export = client.export_map(&name, format.into()).await?;
+    let map_id = name.clone();
+    let request =
+        v1::ExportMapRequest { map_id, format: v1::MapFormat::from(format).into(), all_landmarks };
+    let export = client.export_map_with(request).await?;
     let revision = export.header().revision;
     let files = format.finish(write(export, out).await?)?;
     drop(working);

@@ -92,6 +92,10 @@ enum Action {
         /// clients).
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
+        /// COLMAP: also write the points that fewer than two keyframes observe. COLMAP's bundle adjustment
+        /// refuses such points.
+        #[arg(long)]
+        all_points: bool,
     },
     /// Create a map from files: an export of covis, COLMAP, g2o, or a trajectory.
     Import(ImportArgs),
@@ -136,8 +140,8 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
             let document = serde_json::json!({ "map": name, "deleted": true });
             show(json, &document, || format!("map {name} is deleted"))
         }
-        Action::Export { name, format, out } => {
-            export::export(&client, name, format, &out, json).await
+        Action::Export { name, format, out, all_points } => {
+            export::export(&client, (name, format, all_points), &out, json).await
         }
         Action::Import(args) => files::import(&client, args, json).await,
         Action::Merge(args) => merge::merge(&client, args, json).await,

@@ -77,7 +77,12 @@ fn closure(
 
 /// The residuals of the map's pixels, by the COLMAP model that the server exports.
 async fn lengths(client: &Client, map: &str) -> anyhow::Result<ObservationLengths> {
-    let mut export = client.export_map(map, v1::MapFormat::ColmapBinary).await?;
+    let request = v1::ExportMapRequest {
+        map_id: map.to_owned(),
+        format: v1::MapFormat::ColmapBinary.into(),
+        all_landmarks: true,
+    };
+    let mut export = client.export_map_with(request).await?;
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
     while let Some(chunk) = export.next().await? {
         files.entry(chunk.path).or_default().extend(chunk.data);

@@ -4,11 +4,9 @@
 //! consecutively, so that a map of a million landmarks needs a few bytes. The bytes are made by
 //! `covis_solvers::io`.
 
-use std::collections::BTreeMap;
-
 use covis_solvers::geometry::LieGroup;
 use covis_solvers::io::colmap::{
-    ColmapCamera, ColmapEncoding, ColmapImage, ColmapKeypoint, ColmapPoint,
+    ColmapCamera, ColmapEncoding, ColmapImage, ColmapKeypoint, ColmapPoint, ColmapPointError,
 };
 
 use super::LANDMARK_COLOR;
@@ -67,17 +65,15 @@ pub(super) struct Numbers {
     cameras: Numbering,
     images: Numbering,
     points: Numbering,
-    /// For each keyframe, the indices of its observations whose landmark is not a point; mostly
-    /// there are none.
-    left_out: BTreeMap<EntityId, Vec<usize>>,
 }
 
 impl Numbers {
-    /// The numbers of `map`.
+    /// The numbers of `map`. Landmarks with a position are points: all, or those that two keyframes
+    /// observe, since COLMAP's bundle adjustment refuses a point with a single view.
     ///
     /// # Errors
     /// What the files cannot contain, as text for people.
-    pub(super) fn of(map: &Map) -> Result<Self, String> {
+    pub(super) fn of(map: &Map, all_landmarks: bool) -> Result<Self, String> {
         for (id, keyframe) in map.keyframes().iter() {
             let Some(view) = map.views(keyframe).next() else {
                 return Err(format!("keyframe {} has no camera", image_name(map, *id)));
@@ -89,26 +85,15 @@ impl Numbers {
                 return Err(format!("keyframe {name} is too far away for a pose of COLMAP"));
             }
         }
-        let positioned = map.landmarks().iter().filter(|(_, l)| l.position.is_some());
-        let mut numbers = Self {
+        let is_point = |(_, landmark): &(&EntityId, &Landmark)| {
+            landmark.position.is_some() && (all_landmarks || landmark.observers.len() > 1)
+        };
+        let points = map.landmarks().iter().filter(is_point);
+        Ok(Self {
             cameras: Numbering::of(map.cameras().keys().copied()),
             images: Numbering::of(map.keyframes().keys().copied()),
-            points: Numbering::of(positioned.map(|(&id, _)| id)),
-            left_out: BTreeMap::new(),
-        };
-        if numbers.point_count() < map.landmarks().len() {
-            for (&id, keyframe) in map.keyframes().iter() {
-                let observations = keyframe.observations.iter().enumerate();
-                let left_out: Vec<_> = observations
-                    .filter(|(_, o)| numbers.points.get(o.landmark).is_none())
-                    .map(|(index, _)| index)
-                    .collect();
-                if !left_out.is_empty() {
-                    numbers.left_out.insert(id, left_out);
-                }
-            }
-        }
-        Ok(numbers)
+            points: Numbering::of(points.map(|(&id, _)| id)),
+        })
     }
 
     /// How many points the files have.
@@ -143,15 +128,16 @@ impl Numbers {
             return Err(format!("keyframe {name} has no camera"));
         };
         let mut image = ColmapImage::new(name, camera, &view.world_from_camera);
-        image.keypoints.extend(view.observations.iter().filter_map(|observation| {
-            let point = self.points.get(observation.landmark)?;
-            Some(ColmapKeypoint::new(&observation.pixel, Some(point.into())))
+        // A keypoint for each observation, so that the index of one is that of the other.
+        image.keypoints.extend(view.observations.iter().map(|observation| {
+            let point = self.points.get(observation.landmark);
+            ColmapKeypoint::new(&observation.pixel, point.map(u64::from))
         }));
         let number = self.images.get(id).unwrap_or_default();
         encoding.put_image(number, &image, out).map_err(|error| error.to_string())
     }
 
-    /// Writes nothing for a landmark without a position.
+    /// Writes nothing for a landmark that is no point.
     pub(super) fn put_point(
         &self,
         encoding: ColmapEncoding,
@@ -164,7 +150,7 @@ impl Numbers {
             return;
         };
         let mut point = ColmapPoint::new(position, LANDMARK_COLOR);
-        let mut error_sum_px = 0.0;
+        let mut error = ColmapPointError::default();
         for observer in &landmark.observers {
             let (Some(keyframe), Some(image)) =
                 (map.keyframes().get(observer), self.images.get(*observer))
@@ -173,30 +159,16 @@ impl Numbers {
             };
             for view in map.views(keyframe) {
                 let point_in_camera = view.world_from_camera.inverse_transform(position);
-                let projected = view.camera.camera.project(&point_in_camera);
-                for (index, observation) in view.observations.iter().enumerate() {
+                for (index, observation) in (0..).zip(view.observations.iter()) {
                     if observation.landmark == id {
-                        point.track.push((image, self.keypoint(*observer, index)));
-                        error_sum_px +=
-                            projected.map_or(f64::NAN, |pixel| (pixel - observation.pixel).norm());
+                        point.track.push((image, index));
+                        error.add(&view.camera.camera, &point_in_camera, &observation.pixel);
                     }
                 }
             }
         }
-        let mean_px = error_sum_px / point.track.len() as f64;
-        if mean_px.is_finite() {
-            point.error = mean_px;
-        }
+        point.error = error.mean_px();
         encoding.put_point(number.into(), &point, out);
-    }
-
-    /// The keypoint of an observation; observations that are left out are not numbered.
-    fn keypoint(&self, keyframe: EntityId, index: usize) -> u32 {
-        let left_out = self
-            .left_out
-            .get(&keyframe)
-            .map_or(0, |left_out| left_out.partition_point(|&at| at < index));
-        u32::try_from(index - left_out).unwrap_or(u32::MAX)
     }
 }
 

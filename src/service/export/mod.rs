@@ -23,7 +23,7 @@ use self::parts::{Cursor, Part, PlyPath};
 use super::convert::entities::clients_by_name;
 use super::convert::{Path, Violations, convert};
 use super::error::ServiceError;
-use crate::map::Map;
+use crate::map::{Map, Reason};
 use crate::store::MAP_FILE;
 use crate::wire::v1;
 
@@ -50,9 +50,25 @@ pub(super) enum Format {
     Covis,
 }
 
-/// The format of a request.
-pub(super) fn format(value: i32) -> Result<Format, ServiceError> {
-    Ok(convert(|out| read_format(Path::root("format"), value, out))?)
+/// What an export writes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Choice {
+    pub(super) format: Format,
+    /// Of COLMAP's formats: also landmarks that fewer than two keyframes observe.
+    pub(super) all_landmarks: bool,
+}
+
+/// What a request asks for.
+pub(super) fn choice(request: &v1::ExportMapRequest) -> Result<Choice, ServiceError> {
+    Ok(convert(|out| {
+        let format = read_format(Path::root("format"), request.format, out)?;
+        let all_landmarks = request.all_landmarks;
+        if all_landmarks && !matches!(format, Format::Colmap(_)) {
+            let text = "only COLMAP's formats leave landmarks out";
+            return out.report(Path::root("all_landmarks"), Reason::Inconsistent, text);
+        }
+        Some(Choice { format, all_landmarks })
+    })?)
 }
 
 /// The format that a field names.
@@ -90,9 +106,9 @@ impl Export {
     ///
     /// # Errors
     /// [`ServiceError::FormatCannotHoldMap`].
-    pub(super) fn new(name: String, map: Arc<Map>, format: Format) -> Result<Self, ServiceError> {
-        let files = match format {
-            Format::Colmap(encoding) => colmap(&map, encoding),
+    pub(super) fn new(name: String, map: Arc<Map>, choice: Choice) -> Result<Self, ServiceError> {
+        let files = match choice.format {
+            Format::Colmap(encoding) => colmap(&map, encoding, choice.all_landmarks),
             Format::Tum => Ok(tum(&map)),
             Format::G2o => g2o(&map),
             Format::Ply => Ok(ply(&map)),
@@ -161,9 +177,14 @@ fn file(path: impl Into<String>, parts: impl IntoIterator<Item = Part>) -> File 
 }
 
 /// Cameras, images and points are numbered from 1 in the map's order. The name of an image is
-/// `client/keyframe`. Landmarks without a position are left out.
-fn colmap(map: &Map, encoding: ColmapEncoding) -> Result<VecDeque<File>, String> {
-    let numbers = Arc::new(Numbers::of(map)?);
+/// `client/keyframe`. Landmarks without a position are no points, and unless all are asked for neither are
+/// those that fewer than two keyframes observe.
+fn colmap(
+    map: &Map,
+    encoding: ColmapEncoding,
+    all_landmarks: bool,
+) -> Result<VecDeque<File>, String> {
+    let numbers = Arc::new(Numbers::of(map, all_landmarks)?);
     let [cameras, images, points] = encoding.file_names();
     let mut heads = [const { Vec::new() }; 3];
     let [camera_head, image_head, point_head] = &mut heads;

@@ -1,14 +1,18 @@
 //! Chunks are those of the whole files, and are made one at a time.
 
+use std::collections::BTreeMap;
+
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use covis_solvers::information::Information;
-use covis_solvers::io::colmap::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
+use covis_solvers::io::colmap::{
+    ColmapCamera, ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint, ColmapPointError,
+};
 use covis_solvers::io::ply::PlyFile;
+use covis_solvers::io::trajectory::seconds_of_nanoseconds;
 use covis_solvers::problem::PoseGraph;
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
 
 use super::*;
-use covis_solvers::io::trajectory::seconds_of_nanoseconds;
 use crate::map::{
     CameraEntity, Change, ClientIndex, Constraint, ConstraintKind, EntityId, Event, GraphPairs,
     GraphProblem, MapPolicy, NewLandmark, Observation, measured_graph,
@@ -96,7 +100,8 @@ fn unmeasured(map: &Map) -> GraphProblem {
 }
 
 fn started(map: &Arc<Map>, format: Format) -> Export {
-    let export = Export::new("room".to_owned(), Arc::clone(map), format).unwrap();
+    let choice = Choice { format, all_landmarks: false };
+    let export = Export::new("room".to_owned(), Arc::clone(map), choice).unwrap();
     match format {
         Format::G2o => export.with_graph(GraphLines::of(unmeasured(map))),
         Format::Colmap(_) | Format::Tum | Format::Ply | Format::Covis => export,
@@ -152,8 +157,16 @@ fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
 fn whole_colmap(map: &Map) -> ColmapModel {
     let mut model = ColmapModel::default();
     let cameras: Vec<EntityId> = map.cameras().keys().copied().collect();
+    let mut images: BTreeMap<EntityId, BTreeSet<EntityId>> = BTreeMap::new();
+    for (&id, keyframe) in map.keyframes().iter() {
+        for observation in keyframe.observations.iter() {
+            images.entry(observation.landmark).or_default().insert(id);
+        }
+    }
+    let is_seen_twice = |id: &EntityId| images.get(id).is_some_and(|images| images.len() > 1);
     let positioned = map.landmarks().iter().filter(|(_, l)| l.position.is_some());
-    let points: Vec<EntityId> = positioned.map(|(&id, _)| id).collect();
+    let points: Vec<EntityId> = positioned.map(|(&id, _)| id).filter(is_seen_twice).collect();
+    assert!(points.len() > 100 || map.landmarks().len() == 0);
     for (number, entity) in (1..).zip(map.cameras().values()) {
         let camera = ColmapCamera::from_camera(&entity.camera, 640, 480);
         model.cameras.insert(number, camera);
@@ -162,26 +175,27 @@ fn whole_colmap(map: &Map) -> ColmapModel {
         let position = map.landmarks().get(id).unwrap().position.unwrap();
         model.points.insert(number, ColmapPoint::new(&position, LANDMARK_COLOR));
     }
-    let mut errors = vec![0.0; points.len()];
+    let mut errors = vec![ColmapPointError::default(); points.len()];
     for (image, (&id, keyframe)) in (1..).zip(map.keyframes().iter()) {
         let name = format!("{}/{}", client_name(map, id), id.id);
         let camera = cameras.binary_search(&keyframe.camera.unwrap()).unwrap() as u32 + 1;
         model.images.insert(image, ColmapImage::new(name, camera, &keyframe.world_from_camera));
         let projection = map.cameras().get(&keyframe.camera.unwrap()).unwrap().camera;
         for observation in keyframe.observations.iter() {
-            if let Ok(point) = points.binary_search(&observation.landmark) {
-                let number = point as u64 + 1;
-                model.push_observation(image, &observation.pixel, number).unwrap();
-                let position = map.landmarks().get(&points[point]).unwrap().position.unwrap();
-                let in_camera = keyframe.world_from_camera.inverse_transform(&position);
-                let pixel = projection.project(&in_camera);
-                errors[point] += pixel.map_or(f64::NAN, |p| (p - observation.pixel).norm());
-            }
+            let Ok(point) = points.binary_search(&observation.landmark) else {
+                let keypoints = &mut model.images.get_mut(&image).unwrap().keypoints;
+                keypoints.push(ColmapKeypoint::new(&observation.pixel, None));
+                continue;
+            };
+            let number = point as u64 + 1;
+            model.push_observation(image, &observation.pixel, number).unwrap();
+            let position = map.landmarks().get(&points[point]).unwrap().position.unwrap();
+            let in_camera = keyframe.world_from_camera.inverse_transform(&position);
+            errors[point].add(&projection, &in_camera, &observation.pixel);
         }
     }
-    for (point, sum) in model.points.values_mut().zip(errors) {
-        let mean = sum / point.track.len() as f64;
-        point.error = if mean.is_finite() { mean } else { -1.0 };
+    for (point, error) in model.points.values_mut().zip(errors) {
+        point.error = error.mean_px();
     }
     model
 }
@@ -230,7 +244,7 @@ fn chunks_are_those_of_the_whole_files() {
 #[test]
 fn a_chunk_is_made_when_it_is_asked_for() {
     let format = Format::Colmap(ColmapEncoding::Text);
-    let mut export = Export::new("room".to_owned(), map(), format).unwrap();
+    let mut export = started(&map(), format);
     assert!(export.made.is_empty(), "nothing before the first question");
     let _cameras = export.next_chunk().unwrap().unwrap();
     assert!(export.made.is_empty(), "and nothing of the next file");

@@ -34,7 +34,7 @@ use crate::service::engine::{
     Resource, SolveStep,
 };
 use crate::service::error::ServiceError;
-use crate::service::export::{Export, Format, GraphLines, format};
+use crate::service::export::{Export, Format, GraphLines, choice};
 use crate::service::job_error::JobError;
 use crate::service::optimization_service::{map_options, to_result};
 use crate::store::JobFile;
@@ -364,16 +364,16 @@ pub(super) async fn export(
     run: &Run<'_>,
     request: &v1::ExportMapRequest,
 ) -> Result<Made, ServiceError> {
-    let format = format(request.format)?;
+    let choice = choice(request)?;
     let map = run.map(&request.map_id)?;
     let reservation = map.account().reserve(Resource::Exports, 1)?;
     run.phase("exports the map");
     let snapshot = map.snapshot().await?;
     let mut export = {
         let (map_id, snapshot) = (request.map_id.clone(), Arc::clone(&snapshot));
-        Context::blocking(move || Export::new(map_id, snapshot, format)).await?
+        Context::blocking(move || Export::new(map_id, snapshot, choice)).await?
     };
-    if format == Format::G2o {
+    if choice.format == Format::G2o {
         let rpcs = Rpcs { context: Arc::clone(&run.jobs.context) };
         let lines: GraphLines = rpcs.graph_lines(&map, snapshot).await?;
         export = export.with_graph(lines);

@@ -148,7 +148,7 @@ pub(super) fn read(
         Spec::ExportMap(request) => {
             let at = at.field("export_map");
             convert(|out| ids::name(at.field("map_id"), &request.map_id, out))?;
-            export::format(request.format).map_err(|error| within("spec.export_map", error))?;
+            export::choice(request).map_err(|error| within("spec.export_map", error))?;
             Ok(Asked { role: Role::Write, upload: None })
         }
         Spec::SolveFiles(spec) => {

@@ -60,7 +60,7 @@ pub(super) fn requests(method: &str, world: &mut World, draw: &mut Draw) -> Vec<
         }
         "ExportMap" => {
             let format = 1 + draw.below(6) as i32;
-            vec![v1::ExportMapRequest { map_id, format }.encode_to_vec()]
+            vec![v1::ExportMapRequest { map_id, format, all_landmarks: false }.encode_to_vec()]
         }
         "ImportMap" => import(map_id, draw),
         "GetTrajectory" => {
@@ -401,7 +401,11 @@ fn job(map_id: String, world: &World, draw: &mut Draw) -> Spec {
             let redundant_share = draw.chance(0.5).then_some(0.9);
             Spec::CompactMap(v1::CompactMapSpec { map_id, redundant_share, drop_old_journal: true })
         }
-        4 => Spec::ExportMap(v1::ExportMapRequest { map_id, format: 1 + draw.below(6) as i32 }),
+        4 => Spec::ExportMap(v1::ExportMapRequest {
+            map_id,
+            format: 1 + draw.below(6) as i32,
+            all_landmarks: false,
+        }),
         5 => Spec::SolveFiles(v1::SolveFilesSpec { upload_id, kind: 0, keep_solutions: true }),
         6 => Spec::Reconstruct(v1::ReconstructSpec { map_id, ..Default::default() }),
         _ => {

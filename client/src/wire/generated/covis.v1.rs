@@ -3829,6 +3829,11 @@ pub struct ExportMapRequest {
     /// Which files. Required.
     #[prost(enumeration = "MapFormat", tag = "2")]
     pub format: i32,
+    /// Only for the formats of COLMAP, refused for others: also write the points of landmarks that fewer than
+    /// two keyframes observe. COLMAP's bundle adjustment refuses such points. Without them, what observes them
+    /// are keypoints without a point.
+    #[prost(bool, tag = "3")]
+    pub all_landmarks: bool,
 }
 impl ::prost::Name for ExportMapRequest {
     const NAME: &'static str = "ExportMapRequest";

@@ -179,12 +179,14 @@ class FileChunk(_message.Message):
     def __init__(self, path: _Optional[str] = ..., offset: _Optional[int] = ..., data: _Optional[bytes] = ..., last_chunk: bool = ...) -> None: ...
 
 class ExportMapRequest(_message.Message):
-    __slots__ = ("map_id", "format")
+    __slots__ = ("map_id", "format", "all_landmarks")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     FORMAT_FIELD_NUMBER: _ClassVar[int]
+    ALL_LANDMARKS_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     format: MapFormat
-    def __init__(self, map_id: _Optional[str] = ..., format: _Optional[_Union[MapFormat, str]] = ...) -> None: ...
+    all_landmarks: bool
+    def __init__(self, map_id: _Optional[str] = ..., format: _Optional[_Union[MapFormat, str]] = ..., all_landmarks: bool = ...) -> None: ...
 
 class ExportMapResponse(_message.Message):
     __slots__ = ("header", "chunk")
