@@ -166,7 +166,7 @@ fn whole_colmap(map: &Map) -> ColmapModel {
     let is_seen_twice = |id: &EntityId| images.get(id).is_some_and(|images| images.len() > 1);
     let positioned = map.landmarks().iter().filter(|(_, l)| l.position.is_some());
     let points: Vec<EntityId> = positioned.map(|(&id, _)| id).filter(is_seen_twice).collect();
-    assert!(points.len() > 100 || map.landmarks().len() == 0);
+    assert!(points.len() > 100 || map.landmarks().is_empty());
     for (number, entity) in (1..).zip(map.cameras().values()) {
         let camera = ColmapCamera::from_camera(&entity.camera, 640, 480);
         model.cameras.insert(number, camera);
