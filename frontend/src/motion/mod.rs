@@ -6,6 +6,7 @@
 //! | [`gaussian`] | the dual-mode single Gaussian model of a cell |
 //! | [`warp`] | models warped by the camera's motion |
 //! | [`history`] | votes of earlier frames: space that was free, surfaces that were there |
+//! | `witness` | what one of them says of each cell |
 //! | [`regions`] | votes of cells spread along surfaces, and moving objects |
 //!
 //! Where depth is measured, earlier frames have most of the votes; where it is missing, the Gaussian
@@ -16,6 +17,7 @@ pub mod gaussian;
 pub mod history;
 pub mod regions;
 pub mod warp;
+mod witness;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 

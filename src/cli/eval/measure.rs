@@ -26,7 +26,7 @@ pub(super) struct Measure {
     /// The motions that are compared; `None` for single poses.
     pub(super) motions: Option<Motions>,
     pub(super) alignment: Alignment,
-    /// The relation that stands first.
+    /// The relation that comes first.
     pub(super) relation: PoseRelation,
 }
 
@@ -77,7 +77,7 @@ impl Measure {
         format!("{what}{aligned}{by}")
     }
 
-    /// The relations that are shown: the one that stands first, then translation and angle.
+    /// The relations that are shown: the first one, then translation and angle.
     pub(super) fn relations(&self) -> Vec<PoseRelation> {
         let others = [PoseRelation::TranslationPart, PoseRelation::AngleDeg];
         let others = others.into_iter().filter(|&relation| relation != self.relation);

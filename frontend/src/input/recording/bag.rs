@@ -90,7 +90,7 @@ fn parse(text: &str) -> Description {
         let Some((key, value)) = line.split_once(':') else { continue };
         let value = value.trim().trim_matches(['"', '\'']);
         match key {
-            // Other lists of this name stand behind the first one, below `files`.
+            // Other lists of this name follow the first one, below `files`.
             "relative_file_paths" => is_list = found.files.is_empty(),
             "compression_mode" => {
                 found.is_compressed = !["", "none"].contains(&&*value.to_lowercase());

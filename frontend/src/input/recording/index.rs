@@ -9,7 +9,7 @@ use super::error::{Note, RecordingError};
 use super::messages::{self, Kind, Sample};
 use super::topics::TopicSummary;
 
-/// How many damaged parts are told.
+/// How many damaged parts are reported.
 const MOST_NOTES: usize = 8;
 /// Images of a topic: 38 hours at 30 a second. A chunk of nothing but empty messages compresses a thousandfold.
 const MOST_MESSAGES: usize = 1 << 22;
@@ -59,7 +59,7 @@ pub(super) struct Topic {
     pub(super) count: u64,
     /// Those that may be read: all images, and the first message about a camera.
     pub(super) messages: Vec<Message>,
-    /// What the first message tells.
+    /// What the first message says.
     pub(super) sample: Sample,
 }
 

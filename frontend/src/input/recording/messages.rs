@@ -56,7 +56,7 @@ pub(super) fn timestamp_s(head: &[u8]) -> Option<f64> {
     stamp(&mut Cdr::new(head).ok()?).ok().flatten()
 }
 
-/// What the beginning of an image tells.
+/// What the beginning of an image says.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Sample {
     pub(super) frame_id: String,
@@ -67,7 +67,7 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// From the first bytes of a message; what they do not tell stays empty.
+    /// From the first bytes of a message; what they do not say is left empty.
     pub(super) fn of(kind: Kind, head: &[u8]) -> Self {
         let read = || -> Result<Self, MessageError> {
             let mut cdr = Cdr::new(head)?;

@@ -119,7 +119,7 @@ pub fn open_recording(
     Ok(OpenRecording { source: Box::new(source), used, unused, notes, implausible_depth })
 }
 
-/// The camera that the first message of a topic tells, for images that may be rectified.
+/// The camera that the first message of a topic describes, for images that may be rectified.
 fn camera_of(
     path: &Path,
     files: &mut Files,

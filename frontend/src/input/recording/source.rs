@@ -205,7 +205,7 @@ impl FrameSource for RecordedFrames {
         &self.camera
     }
 
-    /// A recording does not tell: rows and depth are taken at the timestamps.
+    /// A recording does not say: rows and depth are taken at the timestamps.
     fn timing(&self) -> SensorTiming {
         SensorTiming::default()
     }

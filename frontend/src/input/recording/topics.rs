@@ -154,7 +154,7 @@ pub(super) fn info_beside<'a>(topics: &'a [Topic], images: &Topic) -> Option<&'a
         if let Some(found) = topics.iter().find(beside) {
             return Some(found);
         }
-        // The root's is nobody's in particular.
+        // The root's belongs to no camera in particular.
         parent = parent.rsplit_once('/').filter(|(above, _)| !above.is_empty())?.0;
     }
 }

@@ -1,7 +1,7 @@
 //! The records of an MCAP file that matter here: schemas, channels, messages and the heads of chunks
 //! (<https://mcap.dev/spec>). Numbers are little endian, texts follow their length.
 //!
-//! All that is read stands in the first bytes of a record, so that none of them is read as a whole. The
+//! All that is read is in the first bytes of a record, so that none of them is read as a whole. The
 //! crate `mcap` is not used: it reserves memory by lengths that the file has not proven, and does not tell where
 //! a record is. Nothing here reads files.
 
