@@ -11,7 +11,7 @@ use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use covis_solvers::information::Information;
 use covis_solvers::optimizer::{IterationSummary, ignore_iterations};
-use covis_solvers::problem::BundleProblem;
+use covis_solvers::problem::{BundleProblem, SolveError};
 use covis_solvers::testing::random::{normal_vector, seeded};
 use nalgebra::{SVector, Vector3};
 use rand::RngExt;
@@ -199,4 +199,26 @@ fn a_ceiling_that_is_high_enough_changes_no_choice() {
     options.optimizer.ceiling.bytes = Some(1 << 36);
     let summary = solve(&mut problem, &options, &mut ignore_iterations).unwrap();
     assert_eq!(summary.linear_solver, LinearSolver::SparseSchur);
+}
+
+#[test]
+fn a_ceiling_below_the_factorization_leaves_conjugate_gradients() {
+    let start = problem(2000, &chain(2000, 12, 2), usize::MAX);
+    let within = |bytes| {
+        let mut options = Options::default();
+        options.optimizer.max_iterations = 1;
+        options.optimizer.ceiling.bytes = Some(bytes);
+        solve(&mut start.clone(), &options, &mut ignore_iterations)
+            .map(|solved| solved.linear_solver)
+    };
+    let choices: Vec<_> = (20..40).rev().map(|power| within(1 << power)).collect();
+    // From much memory to little: factored, then without the matrix, then refused.
+    let rank = |choice: &Result<LinearSolver, SolveError>| match choice {
+        Ok(LinearSolver::SparseSchur) => 0,
+        Ok(LinearSolver::IterativeSchur) => 1,
+        Err(SolveError::TooExpensive(_)) => 2,
+        other => panic!("{other:?}"),
+    };
+    let ranks: Vec<i32> = choices.iter().map(rank).collect();
+    assert!(ranks.is_sorted() && [0, 1, 2].iter().all(|rank| ranks.contains(rank)), "{ranks:?}");
 }

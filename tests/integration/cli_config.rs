@@ -112,6 +112,18 @@ fn serve_tells_its_address_and_takes_connections() {
     ran.expect_failure(&["cannot listen on", &address]);
 }
 
+#[test]
+fn a_server_reports_the_instruction_set_that_it_was_made_to_use() {
+    let workspace = Workspace::new();
+    let mut command = workspace.command();
+    command.args(["serve", "--in-memory", "--listen", "127.0.0.1:0"]).env("COVIS_SIMD", "scalar");
+    let (_running, address) = serve(&mut command);
+    crate::common::run(async {
+        let client = covis_client::Client::connect(&format!("http://{address}")).await.unwrap();
+        assert_eq!(client.server_info().await.unwrap().simd_class, "scalar");
+    });
+}
+
 #[cfg(unix)]
 #[test]
 fn both_signals_end_the_server_with_success() {
