@@ -129,6 +129,16 @@ impl ClientError {
         move |status| Self::Rpc { rpc, status: Box::new(status) }
     }
 
+    /// The error without the name of the call, which is nothing to whoever called by a command.
+    #[must_use]
+    pub fn without_call(&self) -> String {
+        match self {
+            Self::Rpc { status, .. } => describe(status),
+            Self::Protocol { what, .. } => (*what).to_owned(),
+            other => other.to_string(),
+        }
+    }
+
     /// What a call ended with.
     fn status(&self) -> Option<&Status> {
         if let Self::Rpc { status, .. } = self { Some(status) } else { None }

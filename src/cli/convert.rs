@@ -22,6 +22,7 @@ use serde::Serialize;
 
 use super::formats::{self, joined};
 use super::output::show;
+use super::overwrite::Overwrite;
 use super::progress::Working;
 
 /// Color of paths for viewers.
@@ -44,6 +45,8 @@ pub(super) struct Args {
     /// Times of the poses of a KITTI file, seconds, one per line.
     #[arg(long, value_name = "FILE")]
     times: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print one JSON object instead of a sentence.
     #[arg(long)]
     json: bool,
@@ -77,6 +80,7 @@ enum Input {
 /// Converts.
 /// Fails for what cannot be read or written, and for what the other format cannot hold.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    args.overwrite.allow(&args.output)?;
     let working = Working::new(format_args!("reading {}", args.input.display()));
     let (from, mut input) = read(args)?;
     take_times(args, &mut input)?;

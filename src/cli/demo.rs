@@ -17,8 +17,10 @@ use super::config::Config;
 use super::connect::Embedded;
 use super::formats::joined;
 use super::output::print;
+use super::overwrite::Overwrite;
 use super::run::masks::microseconds;
 use super::run::{self, RunOptions, Source, report};
+use super::signals::Signals;
 use crate::client::Client;
 use crate::evaluation::ape;
 use crate::frontend::mapping::run::RunReport;
@@ -42,12 +44,17 @@ pub(super) struct Args {
     /// Folder for the map and the trajectories; it is created if it is missing.
     #[arg(long, value_name = "FOLDER", default_value = "covis-demo")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Frames, 30 a second; a round takes 180.
     #[arg(long, value_name = "N", default_value_t = 360, value_parser = clap::value_parser!(u16).range(5..=2000))]
     frames: u16,
     /// Seed of the scene and of all noise.
     #[arg(long, value_name = "N", default_value_t = 2)]
     seed: u64,
+    /// Keep the server and its page until ctrl-c.
+    #[arg(long)]
+    keep: bool,
 }
 
 /// Runs the sequence twice and compares both with the truth.
@@ -55,6 +62,7 @@ pub(super) struct Args {
 /// errors to tell.
 pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
     // Seen now rather than after the runs.
+    args.overwrite.allow(&args.out)?;
     fs::create_dir_all(&args.out)?;
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
     runtime.block_on(session(&args, config))
@@ -103,8 +111,12 @@ async fn session(args: &Args, config: &Config) -> anyhow::Result<()> {
         trajectory.write(&args.out.join(name))?;
     }
     let export = server.client.export_map(MAPS[0], v1::MapFormat::Ply).await?;
-    super::map::write(export, &args.out.join("map.ply")).await?;
+    super::map::write(export, &args.out.join("map.ply"), args.overwrite).await?;
     print(ending(&args.out))?;
+    if args.keep {
+        print(format_args!("\nThe maps are at http://{page}/ until ctrl-c ends the server"))?;
+        Signals::new()?.next().await;
+    }
     server.stop().await;
     Ok(())
 }

@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use super::eval::truth;
 use super::output::show;
+use super::overwrite::Overwrite;
 use super::progress::Progress;
 use super::run::report::Quantiles;
 use super::run::{Drawing, Interrupt, Peeked, Recorded, Source};
@@ -41,6 +42,8 @@ pub(super) struct Args {
     /// Folder for mesh.ply and volume.covis; it is created if it is missing.
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     #[command(flatten)]
     measures: Measures,
     /// Update the surface after each frame, at most this many changed blocks, oldest first; the
@@ -128,6 +131,7 @@ fn fuse(args: &Args) -> anyhow::Result<()> {
         bail!("--max-depth must be more than 0 and at most 100 m, not {}", args.max_depth);
     }
     // Seen now rather than after the work.
+    args.overwrite.allow(&args.out)?;
     fs::create_dir_all(&args.out)?;
     let poses = PoseTrack::new(&truth::read_timed(&args.poses)?);
     let source = args.source.clone().with(args.drawing);

@@ -18,10 +18,16 @@ use super::config::{Config, LogFormat};
 use super::spans::Exporter;
 
 /// Starts logging, and exporting to `collector` where there is one; dropping the answer sends what
-/// is left. A second call in one process changes nothing. Fails where the filter is not a list of
+/// is left. Where no filter is given, servers and terminals get what is worth knowing, and what else reads
+/// standard error gets warnings only. A second call in one process changes nothing. Fails where the filter is not a list of
 /// directives, or the collector's URL is none.
-pub(super) fn start(config: &Config, collector: Option<&str>) -> anyhow::Result<Option<Exporter>> {
-    let log = config.log.as_deref().unwrap_or("info");
+pub(super) fn start(
+    config: &Config,
+    is_server: bool,
+    collector: Option<&str>,
+) -> anyhow::Result<Option<Exporter>> {
+    let usual = if is_server || stderr().is_terminal() { "info" } else { "warn" };
+    let log = config.log.as_deref().unwrap_or(usual);
     let directives = match log {
         "" => "audit=info".to_owned(),
         given => format!("audit=info,{given}"),
@@ -30,7 +36,7 @@ pub(super) fn start(config: &Config, collector: Option<&str>) -> anyhow::Result<
     let filter: Targets = directives.parse().with_context(|| anyhow!("log filter `{log}`"))?;
     let lines = tracing_subscriber::fmt::layer().with_writer(stderr);
     let lines = match config.log_format {
-        LogFormat::Text => lines.with_ansi(stderr().is_terminal()).boxed(),
+        LogFormat::Text => lines.with_ansi(has_colors()).boxed(),
         LogFormat::Json => lines.json().flatten_event(true).with_current_span(false).boxed(),
     };
     let exporter = collector.map(Exporter::new).transpose()?;
@@ -47,4 +53,9 @@ pub(super) fn start(config: &Config, collector: Option<&str>) -> anyhow::Result<
         }));
     }
     Ok(exporter)
+}
+
+/// Whether standard error is a terminal whose user has not asked for plain text (no-color.org).
+fn has_colors() -> bool {
+    stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }

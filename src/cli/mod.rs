@@ -15,13 +15,14 @@
 //! | `data_dir` | `doctor` and `backup` |
 //! | `config`, `choices`, `formats` | settings, values of flags, formats of files |
 //! | `connect`, `signals` | the connection; interrupts |
-//! | `output`, `progress`, `logging`, `spans`, `advice` | what a user reads |
+//! | `output`, `overwrite`, `progress`, `logging`, `spans`, `advice` | what a user reads |
 //! | `html` | what `--report` of several commands shares |
-//! | `facts` | facts of the build |
+//! | `completions`, `facts` | completions of shells; facts of the build |
 
 mod advice;
 mod bench_frontend;
 mod choices;
+mod completions;
 pub mod config;
 mod connect;
 mod convert;
@@ -38,6 +39,7 @@ pub mod load;
 mod logging;
 mod map;
 mod output;
+mod overwrite;
 mod progress;
 mod record;
 mod replay;
@@ -50,6 +52,7 @@ mod synth;
 mod volume;
 mod worker;
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -84,7 +87,7 @@ enum Command {
     /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the
     /// map.
     Replay(replay::Args),
-    /// Solve a file: bundle adjustment or pose graph.
+    /// Solve a file: bundle adjustment or pose graph. `covis solve FILE` sees which it is.
     Solve(solve::Args),
     /// List, show, edit, freeze, export, import or delete the maps of a server.
     Map(map::Args),
@@ -117,6 +120,8 @@ enum Command {
     Demo(demo::Args),
     /// Write synthetic data with ground truth.
     Synth(synth::Args),
+    /// Write the completions of a shell, for its startup file or its folder of completions.
+    Completions(completions::Args),
 }
 
 /// The arguments, settings included: each command has the flags of those that it uses. Man pages and
@@ -149,11 +154,18 @@ pub fn command() -> clap::Command {
         .mut_subcommand("solve", |solver| solver.args(of_solvers))
 }
 
+/// Whether an argument is the name of a command.
+fn is_command(argument: &OsStr) -> bool {
+    Cli::command().get_subcommands().any(|command| argument == command.get_name())
+        || argument == "help"
+}
+
 /// Runs the program with the process' arguments and environment.
 #[must_use]
 pub fn run() -> ExitCode {
     let command = command();
-    let parsed = command.clone().try_get_matches().and_then(|matches| {
+    let arguments = solve::named(std::env::args_os().collect());
+    let parsed = command.clone().try_get_matches_from(arguments).and_then(|matches| {
         Ok((Cli::from_arg_matches(&matches)?, config::given(&command, &matches)))
     });
     match parsed {
@@ -170,9 +182,10 @@ fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
     let environment = Environment::new(std::env::vars_os());
     let (config, warnings) = Config::load(settings, cli.config, environment)?;
     // Spans are exported until the command has ended.
-    let is_server = matches!(cli.command, Command::Serve);
-    let collector = config.otlp_endpoint.as_deref().filter(|_| is_server);
-    let _exporter = logging::start(&config, collector)?;
+    let is_server = matches!(cli.command, Command::Serve | Command::Worker);
+    let collector = config.otlp_endpoint.as_deref();
+    let collector = collector.filter(|_| matches!(cli.command, Command::Serve));
+    let _exporter = logging::start(&config, is_server, collector)?;
     for warning in warnings {
         tracing::warn!("{warning}");
     }
@@ -197,6 +210,7 @@ fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
         Command::BenchFrontend(args) => bench_frontend::run(&args, &config),
         Command::Demo(args) => demo::run(args, &config),
         Command::Synth(args) => synth::run(&args),
+        Command::Completions(args) => completions::run(&args),
     }
 }
 

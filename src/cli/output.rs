@@ -13,6 +13,7 @@ use anyhow::bail;
 use serde::Serialize;
 
 use super::advice::next_step;
+use crate::client::ClientError;
 use crate::service::escaped;
 
 /// The reader of standard output went away; not a failure.
@@ -127,7 +128,9 @@ pub(super) fn exit_code(result: anyhow::Result<()>) -> ExitCode {
 fn one_line(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain() {
-        let text = cause.to_string().replace('\n', " ");
+        // A user of commands need not know the calls that they make.
+        let text = cause.downcast_ref::<ClientError>().map(ClientError::without_call);
+        let text = text.unwrap_or_else(|| cause.to_string()).replace('\n', " ");
         let text = escaped(&text, &['\t']).into_owned();
         if line.is_empty() {
             line = text;
@@ -143,7 +146,16 @@ fn one_line(error: &anyhow::Error) -> String {
 mod tests {
     use anyhow::anyhow;
 
-    use super::one_line;
+    use super::{ClientError, one_line};
+
+    #[test]
+    fn an_error_of_a_call_does_not_name_it() {
+        let error = ClientError::Protocol { rpc: "GetMap", what: "no map" };
+        assert_eq!(
+            one_line(&anyhow::Error::new(error).context("reading it")),
+            "reading it: no map"
+        );
+    }
 
     #[test]
     fn the_chain_of_causes_is_one_line_without_repetitions() {

@@ -7,6 +7,7 @@
 use std::path::PathBuf;
 
 use super::output::print;
+use super::overwrite::Overwrite;
 use super::progress::Progress;
 use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions, write_sequence};
 
@@ -26,9 +27,10 @@ enum Kind {
 
 #[derive(Debug, clap::Args)]
 struct Rgbd {
-    /// The folder to write; it is created if it is missing, and files of the same names are
-    /// replaced.
+    /// The folder to write; it is created if it is missing.
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// static, walking, sitting, pushed, exposure, loop, covered or rounds.
     #[arg(long, value_name = "NAME")]
     scene: SceneName,
@@ -45,7 +47,8 @@ struct Rgbd {
 
 /// Draws and writes.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let Kind::Rgbd(Rgbd { out, scene, seed, frames, no_noise }) = &args.kind;
+    let Kind::Rgbd(Rgbd { out, overwrite, scene, seed, frames, no_noise }) = &args.kind;
+    overwrite.allow(out)?;
     let options =
         SequenceOptions { frames: *frames, seed: *seed, noise: !no_noise, ..Default::default() };
     let mut progress = Progress::new("frames", *frames as u64);

@@ -14,6 +14,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::output::print;
+use super::overwrite::Overwrite;
 use super::progress::Working;
 use crate::frontend::dense::file::VolumeFileError;
 use crate::frontend::dense::mapper::MemoryCeiling;
@@ -144,11 +145,14 @@ pub(super) struct MeshArgs {
     #[arg(value_name = "OUT.ply|OUT.glb")]
     out: PathBuf,
     #[command(flatten)]
+    overwrite: Overwrite,
+    #[command(flatten)]
     memory: Memory,
 }
 
 /// Writes the mesh; fails where the volume is damaged, or a file cannot be read or written.
 pub(super) fn mesh(args: &MeshArgs) -> anyhow::Result<()> {
+    args.overwrite.allow(&args.out)?;
     let is_glb = is_second(&args.out, ["ply", "glb"])?;
     let mut volume = args.memory.load(&args.volume, &args.out)?;
     let mesh = extract(&mut volume)?;
@@ -172,6 +176,8 @@ pub(super) struct GridArgs {
     /// OUT.pgm for occupancy, with OUT.yaml beside it; OUT.pfm for distances on a slice.
     #[arg(value_name = "OUT.pgm|OUT.pfm")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Up direction in the volume's frame [default: 0,-1,0, for a first camera that was held
     /// level].
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
@@ -204,6 +210,7 @@ impl<const N: usize> FromStr for Numbers<N> {
 /// Writes the grid; fails where the volume is damaged or empty, an option makes no sense, or a file
 /// cannot be read or written.
 pub(super) fn grid(args: &GridArgs) -> anyhow::Result<()> {
+    args.overwrite.allow(&args.out)?;
     let is_distance = is_second(&args.out, ["pgm", "pfm"])?;
     let mut options = NavigationOptions::default();
     if let Some(Numbers(up)) = args.up {

@@ -51,7 +51,7 @@ fn kitti_gets_its_times_from_a_file_beside_it() {
     assert!(numbered.stdout.contains("times are the numbers of rows"), "{}", numbered.stdout);
     workspace.file("times.txt", "0.5\n");
     workspace
-        .run("convert poses.txt out.txt --times times.txt", &[])
+        .run("convert poses.txt out.txt --times times.txt --force", &[])
         .expect_failure(&["times.txt", "1 times, but poses.txt has 2 poses"]);
 }
 
@@ -184,7 +184,7 @@ fn a_map_is_exported_to_colmap_without_points_of_one_view_and_nothing_else_loses
     let told = workspace.json("convert model binary --to colmap-binary --json", &[]);
     assert_eq!(told["single_view_points"], 1);
     assert_eq!(ColmapModel::read(&workspace.path("binary")).unwrap(), model);
-    let told = workspace.run("convert model binary --to colmap-binary", &[]).stdout;
+    let told = workspace.run("convert model binary --to colmap-binary --force", &[]).stdout;
     assert!(told.contains("; 1 points in fewer than two images"), "{told}");
 
     let folder = workspace.path("data");

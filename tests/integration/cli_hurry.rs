@@ -72,7 +72,8 @@ fn a_full_disk_leaves_the_file_that_was_there_as_it_was() {
     let workspace = Workspace::new();
     let out = workspace.file("out.txt", "what was there\n");
     let program = workspace.command().get_program().to_owned();
-    let script = "ulimit -f 1; trap '' XFSZ; exec \"$0\" solve bundle \"$1\" --out \"$2\" --json";
+    let script =
+        "ulimit -f 1; trap '' XFSZ; exec \"$0\" solve bundle \"$1\" --out \"$2\" --force --json";
     let Ok(output) = Command::new("sh")
         .args(["-c", script])
         .arg(program)
@@ -252,7 +253,28 @@ fn a_terminal_gets_a_progress_bar_and_a_pipe_none() {
     let shown = String::from_utf8_lossy(&on_terminal.stdout).into_owned();
     assert!(shown.contains("frames [") && shown.contains("3/3"), "{shown}");
     let piped = workspace
-        .run("--log warn synth rgbd {} --scene static --frames 3 --no-noise", &[Path::new(&out)]);
+        .run("synth rgbd {} --force --scene static --frames 3 --no-noise", &[Path::new(&out)]);
     assert_eq!(piped.code, Some(0), "{}", piped.stderr);
     assert_eq!(piped.stderr, "");
+}
+
+#[test]
+fn what_is_there_is_replaced_only_where_the_user_says_so() {
+    let workspace = Workspace::new();
+    let window = golden(WINDOW);
+    workspace.file("out.txt", "what was there\n");
+    fs_err::create_dir(workspace.path("room")).unwrap();
+    workspace.file("room/mine.txt", "mine\n");
+    for (arguments, taken) in [
+        ("solve bundle {} --out out.txt", "out.txt: exists"),
+        ("convert {} out.txt", "out.txt: exists"),
+        ("synth rgbd room --scene static --frames 1", "room: is not empty"),
+        ("run synthetic:static --frames 2 --out room", "room: is not empty"),
+    ] {
+        let files: &[&Path] = if arguments.contains("{}") { &[&window] } else { &[] };
+        workspace.run(arguments, files).expect_failure(&[taken, "--force"]);
+    }
+    assert_eq!(fs_err::read_to_string(workspace.path("out.txt")).unwrap(), "what was there\n");
+    workspace.json("solve bundle {} --out out.txt --force --json", &[&window]);
+    assert!(fs_err::read_to_string(workspace.path("out.txt")).unwrap().starts_with("6 80 "));
 }

@@ -70,8 +70,8 @@ fn a_graph_fed_vertex_by_vertex_ends_at_the_optimum() {
     for name in ["sphere-200", "grid-200", "grid-100-edges"] {
         let input = twin(name);
         let out = workspace.path("out.g2o");
-        let report =
-            workspace.json("solve pose-graph {} --incremental --json --out {}", &[&input, &out]);
+        let report = workspace
+            .json("solve pose-graph {} --incremental --force --json --out {}", &[&input, &out]);
         let incremental = &report["incremental"];
         assert_eq!(incremental["steps"], report["vertices"], "{name}");
         let cost = number(incremental, "final_cost");
@@ -123,8 +123,8 @@ fn quaternions_far_from_norm_1_and_edges_to_the_same_vertex_are_told() {
     ];
     let out = workspace.path("out.g2o");
     for (arguments, paths) in [
-        ("solve pose-graph {} --json --out {}", [&*input, &*out]),
-        ("convert {} {} --to g2o", [&*input, &*out]),
+        ("solve pose-graph {} --json --out {} --force", [&*input, &*out]),
+        ("convert {} {} --to g2o --force", [&*input, &*out]),
     ] {
         let ran = workspace.run(arguments, &paths);
         assert_eq!(ran.code, Some(0), "{}", ran.stderr);

@@ -24,7 +24,8 @@ fn a_file_is_rebuilt_from_its_observations() {
     let mut costs = Vec::new();
     for input in [&window, &blank] {
         let out = workspace.path("out.txt");
-        let report = workspace.json("solve bundle {} --rebuild --json --out {}", &[input, &out]);
+        let report =
+            workspace.json("solve bundle {} --rebuild --force --json --out {}", &[input, &out]);
         let rebuilt = &report["rebuilt"];
         assert_eq!((&rebuilt["keyframes"], &rebuilt["placed"]), (&6.into(), &6.into()), "{report}");
         assert_eq!(rebuilt["unplaced"], Value::Array(Vec::new()));

@@ -27,7 +27,8 @@ fn millimeters(depth: &Path) -> Vec<u8> {
 
 /// Fuses `folder` at the poses of `poses`; the number of triangles and standard error.
 fn fuse(workspace: &Workspace, folder: &str, poses: &str, more: &str) -> (f64, String) {
-    let arguments = format!("{FUSE} tum:{folder} --poses {poses} --out {folder}-fused {more}");
+    let arguments =
+        format!("{FUSE} tum:{folder} --poses {poses} --out {folder}-fused --force {more}");
     let ran = workspace.run(&arguments, &[]);
     assert_eq!(ran.code, Some(0), "{arguments}: {}", ran.stderr);
     let document: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
@@ -52,7 +53,7 @@ fn a_recording_in_millimeters_gives_a_warning_and_is_read_with_a_depth_scale() {
     assert!(!said.contains("--depth-scale"), "{said}");
     assert!(close(found, expected, 0.02), "{found} triangles, not {expected}");
 
-    let run = "--log warn run tum:seq --out run --no-mask --json";
+    let run = "--log warn run tum:seq --out run --force --no-mask --json";
     let ran = workspace.run(run, &[]);
     assert!(ran.stderr.contains("--depth-scale"), "{}", ran.stderr);
     let document = workspace.json(&format!("{run} {given}"), &[]);
@@ -130,10 +131,10 @@ fn the_truth_of_7_scenes_is_a_trajectory_to_compare_with_and_to_fuse_at() {
 
     // A pose that the data set does not know is left out, one that is no pose is named.
     fs::write(folder.join("frame-000002.pose.txt"), "-inf ".repeat(16)).unwrap();
-    assert_eq!(workspace.json("eval truth seven truth.txt --json", &[])["poses"], 3);
+    assert_eq!(workspace.json("eval truth seven truth.txt --force --json", &[])["poses"], 3);
     fs::write(folder.join("frame-000001.pose.txt"), "1 2 3").unwrap();
     workspace
-        .run("--log error eval truth seven truth.txt", &[])
+        .run("--log error eval truth seven truth.txt --force", &[])
         .expect_failure(&["frame-000001.pose.txt", "element (0, 3) is missing"]);
     fs::create_dir(workspace.path("empty")).unwrap();
     workspace

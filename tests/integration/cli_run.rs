@@ -93,7 +93,18 @@ fn the_truth_is_not_opened_and_threads_change_nothing() {
 fn a_run_that_is_interrupted_writes_what_there_is() {
     let workspace = Workspace::new();
     let mut command = workspace.command();
-    command.args(["run", "synthetic:walking", "--frames", "1000", "--out", "out", "--map", "cut"]);
+    command.args([
+        "--log",
+        "info",
+        "run",
+        "synthetic:walking",
+        "--frames",
+        "1000",
+        "--out",
+        "out",
+        "--map",
+        "cut",
+    ]);
     let mut child = Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
     // A line after a tenth of the frames, where there is no terminal.
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
@@ -201,7 +212,7 @@ fn a_server_of_its_own_process_holds_the_map() {
     assert_eq!(show["keyframes"], document["keyframes"]);
     assert_eq!(show["clients"][0]["client"], "frontend");
     // The map is there already.
-    let again = format!("--log error run tum:seq {arguments}");
+    let again = format!("--log error run tum:seq --force {arguments}");
     workspace.run(&again, &[]).expect_failure(&["office", "--map names another"]);
 }
 

@@ -358,7 +358,7 @@ fn the_written_file_has_the_same_bytes_at_any_thread_count() {
         let written = [1, 2, 4].map(|threads| {
             let out = workspace.path(&format!("out-{threads}"));
             let arguments = format!(
-                "solve {kind} {{}} --json --max-iterations 5 --threads {threads} --out {{}}"
+                "solve {kind} {{}} --json --max-iterations 5 --threads {threads} --force --out {{}}"
             );
             workspace.json(&arguments, &[input, &out]);
             fs_err::read(out).unwrap()

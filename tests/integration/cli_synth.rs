@@ -54,7 +54,7 @@ fn an_unknown_scene_is_wrong_usage_and_lists_the_scenes() {
 fn a_folder_that_cannot_be_made_is_named() {
     let workspace = Workspace::new();
     let file = workspace.file("taken", "");
-    let ran = workspace.run("synth rgbd {} --scene static --frames 1", &[&file]);
+    let ran = workspace.run("synth rgbd {} --force --scene static --frames 1", &[&file]);
     assert_eq!(ran.code, Some(1));
     assert!(ran.stderr.contains("taken") && ran.stderr.contains("cannot be written"));
 }

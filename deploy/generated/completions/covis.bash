@@ -22,6 +22,9 @@ _covis() {
             covis,bench-frontend)
                 cmd="covis__subcmd__bench__subcmd__frontend"
                 ;;
+            covis,completions)
+                cmd="covis__subcmd__completions"
+                ;;
             covis,convert)
                 cmd="covis__subcmd__convert"
                 ;;
@@ -114,6 +117,9 @@ _covis() {
                 ;;
             covis__subcmd__help,bench-frontend)
                 cmd="covis__subcmd__help__subcmd__bench__subcmd__frontend"
+                ;;
+            covis__subcmd__help,completions)
+                cmd="covis__subcmd__help__subcmd__completions"
                 ;;
             covis__subcmd__help,convert)
                 cmd="covis__subcmd__help__subcmd__convert"
@@ -283,6 +289,12 @@ _covis() {
             covis__subcmd__job,list)
                 cmd="covis__subcmd__job__subcmd__list"
                 ;;
+            covis__subcmd__job,ls)
+                cmd="covis__subcmd__job__subcmd__list"
+                ;;
+            covis__subcmd__job,rm)
+                cmd="covis__subcmd__job__subcmd__delete"
+                ;;
             covis__subcmd__job,show)
                 cmd="covis__subcmd__job__subcmd__show"
                 ;;
@@ -343,8 +355,14 @@ _covis() {
             covis__subcmd__map,list)
                 cmd="covis__subcmd__map__subcmd__list"
                 ;;
+            covis__subcmd__map,ls)
+                cmd="covis__subcmd__map__subcmd__list"
+                ;;
             covis__subcmd__map,merge)
                 cmd="covis__subcmd__map__subcmd__merge"
+                ;;
+            covis__subcmd__map,rm)
+                cmd="covis__subcmd__map__subcmd__delete"
                 ;;
             covis__subcmd__map,show)
                 cmd="covis__subcmd__map__subcmd__show"
@@ -491,7 +509,7 @@ _covis() {
 
     case "${cmd}" in
         covis)
-            opts="-h -V --config --log --log-format --help --version doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help"
+            opts="-h -V --config --log --log-format --help --version doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 1 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -588,8 +606,34 @@ _covis() {
             COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
             return 0
             ;;
+        covis__subcmd__completions)
+            opts="-h --config --log --log-format --help bash elvish fish powershell zsh"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                --config)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log-format)
+                    COMPREPLY=($(compgen -W "text json" -- "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
         covis__subcmd__convert)
-            opts="-h --from --to --times --json --config --log --log-format --help"
+            opts="-h --from --to --times --force --json --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -627,7 +671,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__demo)
-            opts="-h --out --frames --seed --config --log --log-format --help"
+            opts="-h --out --force --frames --seed --keep --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -947,7 +991,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__eval__subcmd__truth)
-            opts="-h --format --json --config --log --log-format --help"
+            opts="-h --format --force --json --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -977,7 +1021,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__fuse)
-            opts="-h --poses --out --voxel --truncation-voxels --memory-mb --remesh --max-depth --camera --depth-scale --color-topic --depth-topic --camera-info-topic --threads --seed --frames --json --config --log --log-format --help"
+            opts="-h --poses --out --force --voxel --truncation-voxels --memory-mb --remesh --max-depth --camera --depth-scale --color-topic --depth-topic --camera-info-topic --threads --seed --frames --json --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1063,7 +1107,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__grid)
-            opts="-h --up --heights --slice --memory-mb --config --log --log-format --help"
+            opts="-h --force --up --heights --slice --memory-mb --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1151,7 +1195,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__help)
-            opts="doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help"
+            opts="doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1179,6 +1223,20 @@ _covis() {
             return 0
             ;;
         covis__subcmd__help__subcmd__bench__subcmd__frontend)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__help__subcmd__completions)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
@@ -1907,7 +1965,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help submit list show watch cancel delete fetch help"
+            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help submit list ls show watch cancel delete rm fetch help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2045,7 +2103,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__fetch)
-            opts="-h --out --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --out --force --json --server --ca --cert --key --token-file --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2325,7 +2383,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__submit)
-            opts="-h --map --file --id --priority --wait --out --max-iterations --time-limit --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --all-points --json --server --ca --cert --key --token-file --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve rebuild"
+            opts="-h --map --file --id --priority --wait --out --force --max-iterations --time-limit --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --all-points --json --server --ca --cert --key --token-file --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve rebuild"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2531,7 +2589,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help list show closures constraints freeze unfreeze edit merge unmerge delete export import help"
+            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3181,7 +3239,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__export)
-            opts="-h --format --out --all-points --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --format --out --force --all-points --json --server --ca --cert --key --token-file --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3849,7 +3907,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__mesh)
-            opts="-h --memory-mb --config --log --log-format --help"
+            opts="-h --force --memory-mb --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3879,7 +3937,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__record)
-            opts="-h --follow --for --every --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --force --follow --for --every --server --ca --cert --key --token-file --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3999,7 +4057,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__run)
-            opts="-h --map --out --format --camera --depth-scale --color-topic --depth-topic --camera-info-topic --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --ca --cert --key --token-file --server --config --log --log-format --help"
+            opts="-h --map --out --force --format --camera --depth-scale --color-topic --depth-topic --camera-info-topic --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --ca --cert --key --token-file --server --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4281,7 +4339,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__bundle)
-            opts="-h --max-iterations --loss --json --out --report --fix-intrinsics --free-intrinsics --linear-solver --behind-camera --rebuild --threads --config --log --log-format --help"
+            opts="-h --max-iterations --loss --json --out --force --report --fix-intrinsics --free-intrinsics --linear-solver --behind-camera --rebuild --threads --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4395,7 +4453,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__pose__subcmd__graph)
-            opts="-h --max-iterations --loss --json --out --report --method --init --robust --robust-threshold --trusted --certify --repair-information --incremental --threads --config --log --log-format --help"
+            opts="-h --max-iterations --loss --json --out --force --report --method --init --robust --robust-threshold --trusted --certify --repair-information --incremental --threads --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4529,7 +4587,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__synth__subcmd__rgbd)
-            opts="-h --scene --seed --frames --no-noise --config --log --log-format --help"
+            opts="-h --force --scene --seed --frames --no-noise --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0

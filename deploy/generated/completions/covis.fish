@@ -25,7 +25,7 @@ function __fish_covis_using_subcommand
 end
 
 complete -c covis -n "__fish_covis_needs_command" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_needs_command" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_needs_command" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_needs_command" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -40,6 +40,7 @@ complete -c covis -n "__fish_covis_needs_command" -f -a "grid" -d 'Write a navig
 complete -c covis -n "__fish_covis_needs_command" -f -a "bench-frontend" -d 'Measure the reference frontend on sequences with ground truth, with and without the mask'
 complete -c covis -n "__fish_covis_needs_command" -f -a "demo" -d 'Track a camera in a synthetic room in which people walk, with and without the mask, on its own server'
 complete -c covis -n "__fish_covis_needs_command" -f -a "synth" -d 'Write synthetic data with ground truth'
+complete -c covis -n "__fish_covis_needs_command" -f -a "completions" -d 'Write the completions of a shell, for its startup file or its folder of completions'
 complete -c covis -n "__fish_covis_needs_command" -f -a "health" -d 'Check whether a server is ready; the exit code is 0 if it is'
 complete -c covis -n "__fish_covis_needs_command" -f -a "job" -d 'Submit, list, show, watch, cancel or delete the jobs of a server'
 complete -c covis -n "__fish_covis_needs_command" -f -a "load" -d 'Put a server under load: several maps, each with a client that sends keyframes at a fixed rate'
@@ -49,10 +50,10 @@ complete -c covis -n "__fish_covis_needs_command" -f -a "replay" -d 'Stream a BA
 complete -c covis -n "__fish_covis_needs_command" -f -a "run" -d 'Track an RGB-D sequence with the reference frontend, through a server'
 complete -c covis -n "__fish_covis_needs_command" -f -a "serve" -d 'Serve maps over gRPC until SIGTERM or ctrl-c'
 complete -c covis -n "__fish_covis_needs_command" -f -a "worker" -d 'Solve problem files of servers\' jobs until SIGTERM or ctrl-c, in builds with the feature `cluster`'
-complete -c covis -n "__fish_covis_needs_command" -f -a "solve" -d 'Solve a file: bundle adjustment or pose graph'
+complete -c covis -n "__fish_covis_needs_command" -f -a "solve" -d 'Solve a file: bundle adjustment or pose graph. `covis solve FILE` sees which it is'
 complete -c covis -n "__fish_covis_needs_command" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand doctor" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand doctor" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l repair -d 'Set damaged files aside, so that their maps continue from what was recovered; nothing is deleted. Jobs are left as they are: the server does not list a damaged one'
@@ -60,7 +61,7 @@ complete -c covis -n "__fish_covis_using_subcommand doctor" -l cut -d 'With --re
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l json -d 'Print one JSON object instead of text'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand backup" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand backup" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand backup" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand backup" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand backup" -l json -d 'Print one JSON object instead of text'
@@ -84,13 +85,14 @@ g2o\t'pose graph'
 ply\t'points and paths for viewers'"
 complete -c covis -n "__fish_covis_using_subcommand convert" -l times -d 'Times of the poses of a KITTI file, seconds, one per line' -r -F
 complete -c covis -n "__fish_covis_using_subcommand convert" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand convert" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand convert" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand convert" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand convert" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand convert" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand convert" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -117,7 +119,7 @@ angle_deg\t'Angle of the rotation error, degrees'
 angle_rad\t'Angle of the rotation error, radians'
 point_distance\t'Difference of the distances moved, m'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l json -d 'Print one JSON object instead of a table'
@@ -148,7 +150,7 @@ r\t'Radians of rotation'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l delta-tol -d 'With --all-pairs, path or angle may differ from --delta by this share of it' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l delta-s -d 'Measure over this time' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l json -d 'Print one JSON object instead of a table'
@@ -158,7 +160,7 @@ complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcom
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l static -d 'Nothing moves in the sequence: every masked pixel is false'
@@ -168,9 +170,10 @@ complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcom
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "ape" -d 'Absolute pose error of aligned trajectories'
@@ -194,25 +197,28 @@ complete -c covis -n "__fish_covis_using_subcommand fuse" -l threads -d 'Threads
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l seed -d 'Seed of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l frames -d 'Frames of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand fuse" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand mesh" -l memory-mb -d 'Maximum size of the volume in memory, megabytes; the rest moves to a temporary file beside OUT [default: no limit; 4.2 KB per block]' -r
 complete -c covis -n "__fish_covis_using_subcommand mesh" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand mesh" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand mesh" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand mesh" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand mesh" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand mesh" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand grid" -l up -d 'Up direction in the volume\'s frame [default: 0,-1,0, for a first camera that was held level]' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l heights -d 'Heights between which a surface is an obstacle, meters along up from the volume\'s origin [default: -1.4,0.4]' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l slice -d 'Height of the slice of distances, meters along up' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l memory-mb -d 'Maximum size of the volume in memory, megabytes; the rest moves to a temporary file beside OUT [default: no limit; 4.2 KB per block]' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand grid" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand grid" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand grid" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand grid" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l out -d 'Folder for trajectories and masks; each run gets its own subfolder' -r -F
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l threads -d 'Threads; a single one decodes and tracks frames in turn' -r
@@ -220,7 +226,7 @@ complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l seed -d '
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l frames -d 'Frames of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l json -d 'Print one JSON object instead of tables'
@@ -229,12 +235,14 @@ complete -c covis -n "__fish_covis_using_subcommand demo" -l out -d 'Folder for 
 complete -c covis -n "__fish_covis_using_subcommand demo" -l frames -d 'Frames, 30 a second; a round takes 180' -r
 complete -c covis -n "__fish_covis_using_subcommand demo" -l seed -d 'Seed of the scene and of all noise' -r
 complete -c covis -n "__fish_covis_using_subcommand demo" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand demo" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand demo" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand demo" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand demo" -l force -d 'Replace files that are there'
+complete -c covis -n "__fish_covis_using_subcommand demo" -l keep -d 'Keep the server and its page until ctrl-c'
 complete -c covis -n "__fish_covis_using_subcommand demo" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -244,43 +252,51 @@ complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l seed -d 'Seed; the same scene and seed give the same bytes' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l frames -d 'How many frames of 640 x 480 pixels, 30 a second' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l no-noise -d 'Exact depth and color, without a Kinect\'s noise and gaps'
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from help" -f -a "rgbd" -d 'An RGB-D sequence of an indoor scene: color, depth, ground truth of the camera, masks of moving objects'
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
+complete -c covis -n "__fish_covis_using_subcommand completions" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand completions" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand completions" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand completions" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand health" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand health" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand health" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand health" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand health" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand health" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand health" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand health" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand health" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand health" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand health" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l json -d 'Print JSON instead of text'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "submit" -d 'Create a job on a map of the server, or on files that are sent to it'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "list" -d 'List the jobs, the newest first'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "show" -d 'Show a job with its report'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "watch" -d 'Follow a job to its end and print a line at each change'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "cancel" -d 'Ask a job to stop without applying its result'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "delete" -d 'Delete a job that has ended, with its files'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "fetch" -d 'Write the files that a job made: the report, solved problems, an export'
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -l json -d 'Print JSON instead of text'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "submit" -d 'Create a job on a map of the server, or on files that are sent to it'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "list" -d 'List the jobs, the newest first'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "ls" -d 'List the jobs, the newest first'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "show" -d 'Show a job with its report'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "watch" -d 'Follow a job to its end and print a line at each change'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "cancel" -d 'Ask a job to stop without applying its result'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "delete" -d 'Delete a job that has ended, with its files'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "rm" -d 'Delete a job that has ended, with its files'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "fetch" -d 'Write the files that a job made: the report, solved problems, an export'
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list ls show watch cancel delete rm fetch help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l map -d 'The map that the job works on' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l file -d 'A problem to solve instead of a map: a BAL or g2o file, a folder with a COLMAP sparse model, or a folder of such problems. It is sent to the server' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l id -d 'The job\'s name. If you repeat the command with the same name and arguments, and without files, it returns the existing job [default: a new name]' -r
@@ -306,10 +322,11 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l wait -d 'Wait for the job\'s end; the exit code is 1 if it does not succeed'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l refine-intrinsics -d 'optimize-map on a map: optimize the cameras\' intrinsics too; with files this is always on'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l keep-journal -d 'compact: keep the journal before the snapshot'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l all-points -d 'export to COLMAP: also the points that fewer than two keyframes observe'
@@ -327,11 +344,28 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l map -d 'Only jobs on this map' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l state -d 'Only jobs in this state; may be repeated' -r -f -a "pending\t''
+running\t''
+succeeded\t''
+failed\t''
+cancelled\t''"
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -l json -d 'Print JSON instead of text'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from ls" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
@@ -339,7 +373,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l json -d 'Print JSON instead of text'
@@ -350,7 +384,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l json -d 'Print JSON instead of text'
@@ -361,7 +395,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l json -d 'Print JSON instead of text'
@@ -372,11 +406,22 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -l json -d 'Print JSON instead of text'
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from rm" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l out -d 'The folder' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
@@ -384,9 +429,10 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from help" -f -a "submit" -d 'Create a job on a map of the server, or on files that are sent to it'
@@ -408,53 +454,66 @@ complete -c covis -n "__fish_covis_using_subcommand load" -l cert -d 'The client
 complete -c covis -n "__fish_covis_using_subcommand load" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand load" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand load" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand load" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand load" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand load" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand load" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand load" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l json -d 'Print JSON instead of text'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "list" -d 'List all maps'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "show" -d 'Show one map: counts, clients, bounds'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "closures" -d 'List where keyframes looked like earlier ones: the loop closures that the server added, and why others were refused'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "constraints" -d 'List the constraints of a map, and which of them are switched off'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "freeze" -d 'Freeze a map: it can be read but not changed until you unfreeze it'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "unfreeze" -d 'Unfreeze a map, so that it can be changed again'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "edit" -d 'Change or remove content of a map'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "merge" -d 'Merge a map into another one that shows the same places'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "unmerge" -d 'Take a map out of the one that it was merged into'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "delete" -d 'Delete a map with its journal'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "export" -d 'Write a map to files'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "import" -d 'Create a map from files: an export of covis, COLMAP, g2o, or a trajectory'
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -l json -d 'Print JSON instead of text'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "list" -d 'List all maps'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "ls" -d 'List all maps'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "show" -d 'Show one map: counts, clients, bounds'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "closures" -d 'List where keyframes looked like earlier ones: the loop closures that the server added, and why others were refused'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "constraints" -d 'List the constraints of a map, and which of them are switched off'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "freeze" -d 'Freeze a map: it can be read but not changed until you unfreeze it'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "unfreeze" -d 'Unfreeze a map, so that it can be changed again'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "edit" -d 'Change or remove content of a map'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "merge" -d 'Merge a map into another one that shows the same places'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "unmerge" -d 'Take a map out of the one that it was merged into'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "delete" -d 'Delete a map with its journal'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "rm" -d 'Delete a map with its journal'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "export" -d 'Write a map to files'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "import" -d 'Create a map from files: an export of covis, COLMAP, g2o, or a trajectory'
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -l json -d 'Print JSON instead of text'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from ls" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l json -d 'Print JSON instead of text'
@@ -465,7 +524,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l json -d 'Print JSON instead of text'
@@ -476,7 +535,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l json -d 'Print JSON instead of text'
@@ -487,7 +546,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l json -d 'Print JSON instead of text'
@@ -498,7 +557,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l json -d 'Print JSON instead of text'
@@ -510,7 +569,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l optimized -d 'Also wait until the solves that the edit starts have ended'
@@ -530,7 +589,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l json -d 'Print JSON instead of text'
@@ -541,7 +600,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l json -d 'Print JSON instead of text'
@@ -552,12 +611,23 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l format -d 'Format of the files' -r -f -a "colmap-text\t'COLMAP sparse model as text'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -l server -d 'The server\'s URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -l ca -d 'Certificates (PEM) of the authorities to trust instead of the system\'s [env: COVIS_CA]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -l cert -d 'The client\'s own certificate (PEM), for mutual TLS [env: COVIS_CERT]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
+json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -l json -d 'Print JSON instead of text'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from rm" -s h -l help -d 'Print help (see more with \'--help\')'
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l format -d 'Format of the files [default: by the name of PATH; a name without extension is a COLMAP folder]' -r -f -a "colmap-text\t'COLMAP sparse model as text'
 colmap-binary\t'COLMAP sparse model in binary'
 tum\t'TUM trajectories'
 kitti\t'KITTI\'s poses, without times'
@@ -572,9 +642,10 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l all-points -d 'COLMAP: also write the points that fewer than two keyframes observe. COLMAP\'s bundle adjustment refuses such points'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -593,7 +664,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l json -d 'Print JSON instead of text'
@@ -619,9 +690,10 @@ complete -c covis -n "__fish_covis_using_subcommand record" -l cert -d 'The clie
 complete -c covis -n "__fish_covis_using_subcommand record" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand record" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand record" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand record" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand record" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand record" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand record" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand record" -l follow -d 'Keep recording changes until ctrl-c, SIGTERM or the end of the map'
 complete -c covis -n "__fish_covis_using_subcommand record" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand replay" -l map -d 'Name of the map; it is created if it does not exist [default: the file\'s name]' -r
@@ -635,7 +707,7 @@ complete -c covis -n "__fish_covis_using_subcommand replay" -l cert -d 'The clie
 complete -c covis -n "__fish_covis_using_subcommand replay" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand replay" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand replay" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand replay" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand replay" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand replay" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand replay" -l append -d 'Add to a map that is not empty. The server recognizes a file that was sent before and adds nothing twice'
@@ -671,9 +743,10 @@ complete -c covis -n "__fish_covis_using_subcommand run" -l key -d 'The private 
 complete -c covis -n "__fish_covis_using_subcommand run" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l server -d 'The server\'s URL; this command ignores COVIS_SERVER and covis.toml here [default: a server in this process]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand run" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand run" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand run" -l no-mask -d 'Do not detect moving objects'
 complete -c covis -n "__fish_covis_using_subcommand run" -l save-masks -d 'Write the masks of moving objects to OUT/masks'
 complete -c covis -n "__fish_covis_using_subcommand run" -l mesh -d 'Build a dense map: write mesh.ply, mesh.glb and volume.covis to OUT'
@@ -706,7 +779,7 @@ complete -c covis -n "__fish_covis_using_subcommand serve" -l max-connections -d
 complete -c covis -n "__fish_covis_using_subcommand serve" -l max-strangers -d 'Maximum number of connections that have not made an admitted call yet; at most half of max-connections [default: 256] [env: COVIS_MAX_STRANGERS]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l queue-capacity -d 'Items that may wait for a map\'s engine before a stream is slowed down [default: 64] [env: COVIS_QUEUE_CAPACITY]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand serve" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand serve" -l insecure-plain-text -d 'Serve plain text beyond loopback too: others on the network can read and change everything [env: COVIS_INSECURE_PLAIN_TEXT]'
@@ -720,14 +793,14 @@ complete -c covis -n "__fish_covis_using_subcommand worker" -l nats-monitoring -
 complete -c covis -n "__fish_covis_using_subcommand worker" -l nats-replicas -d 'Number of NATS servers that keep each map\'s journal: 1, 3 or 5 [default: 3] [env: COVIS_NATS_REPLICAS]' -r
 complete -c covis -n "__fish_covis_using_subcommand worker" -l lease-seconds -d 'Seconds of silence after which other servers take over a server\'s maps [default: 5] [env: COVIS_LEASE_SECONDS]' -r
 complete -c covis -n "__fish_covis_using_subcommand worker" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand worker" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand worker" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand worker" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand worker" -l accept-unsynced-replicas -d 'Accept NATS servers that acknowledge before they sync: if several of them lose power, acknowledged items are lost [env: COVIS_ACCEPT_UNSYNCED_REPLICAS]'
 complete -c covis -n "__fish_covis_using_subcommand worker" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l threads -d 'Worker threads for solves; results do not depend on their number [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -749,10 +822,11 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 drop\t'Leave them out of the solve; the written file keeps them'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l threads -d 'Worker threads for solves; results do not depend on their number [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l json -d 'Print one JSON object instead of a table'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l fix-intrinsics -d 'Hold focal lengths, distortion and principal points fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l rebuild -d 'Discard the file\'s poses and points and reconstruct them from its observations first; the solve leaves out observations that do not agree with the reconstruction'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -774,10 +848,11 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l trusted -d 'A loop closure that `--robust` must trust, by the ids of its two vertices; may be repeated' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l threads -d 'Worker threads for solves; results do not depend on their number [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l json -d 'Print one JSON object instead of a table'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l certify -d 'Start from the optimum of SE-Sync\'s chordal objective (no loss, isotropic weights) and prove that it is the global one. The proof does not cover the cost that the solve then reaches'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l repair-information -d 'Replace each information matrix that has negative eigenvalues by the nearest positive semi-definite matrix; --out writes the replacements. Without this flag such a matrix is an error'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l incremental -d 'Add the vertices one by one in id order, each with its edges to lower ids, and optimize after each; reports how long a step takes'
@@ -785,27 +860,28 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "doctor" -d 'Check a data directory without a server: verify, report, repair'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "backup" -d 'Copy a data directory, even while a server uses it'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "convert" -d 'Write a file in another format: trajectories, bundle adjustment, pose graphs'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "eval" -d 'Compare trajectories: absolute (APE) or relative pose error (RPE)'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "fuse" -d 'Fuse recorded depth and color images into a surface, at given poses'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "mesh" -d 'Write the surface of a stored volume as PLY or GLB'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "grid" -d 'Write a navigation grid from a stored volume: occupancy (PGM, YAML) or distances (PFM)'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "bench-frontend" -d 'Measure the reference frontend on sequences with ground truth, with and without the mask'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "demo" -d 'Track a camera in a synthetic room in which people walk, with and without the mask, on its own server'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "synth" -d 'Write synthetic data with ground truth'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "health" -d 'Check whether a server is ready; the exit code is 0 if it is'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "job" -d 'Submit, list, show, watch, cancel or delete the jobs of a server'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "load" -d 'Put a server under load: several maps, each with a client that sends keyframes at a fixed rate'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "map" -d 'List, show, edit, freeze, export, import or delete the maps of a server'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "record" -d 'Record a map as MCAP, for Foxglove and Rerun'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "replay" -d 'Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the map'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "run" -d 'Track an RGB-D sequence with the reference frontend, through a server'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "serve" -d 'Serve maps over gRPC until SIGTERM or ctrl-c'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "worker" -d 'Solve problem files of servers\' jobs until SIGTERM or ctrl-c, in builds with the feature `cluster`'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "solve" -d 'Solve a file: bundle adjustment or pose graph'
-complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "doctor" -d 'Check a data directory without a server: verify, report, repair'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "backup" -d 'Copy a data directory, even while a server uses it'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "convert" -d 'Write a file in another format: trajectories, bundle adjustment, pose graphs'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "eval" -d 'Compare trajectories: absolute (APE) or relative pose error (RPE)'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "fuse" -d 'Fuse recorded depth and color images into a surface, at given poses'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "mesh" -d 'Write the surface of a stored volume as PLY or GLB'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "grid" -d 'Write a navigation grid from a stored volume: occupancy (PGM, YAML) or distances (PFM)'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "bench-frontend" -d 'Measure the reference frontend on sequences with ground truth, with and without the mask'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "demo" -d 'Track a camera in a synthetic room in which people walk, with and without the mask, on its own server'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "synth" -d 'Write synthetic data with ground truth'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "completions" -d 'Write the completions of a shell, for its startup file or its folder of completions'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "health" -d 'Check whether a server is ready; the exit code is 0 if it is'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "job" -d 'Submit, list, show, watch, cancel or delete the jobs of a server'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "load" -d 'Put a server under load: several maps, each with a client that sends keyframes at a fixed rate'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "map" -d 'List, show, edit, freeze, export, import or delete the maps of a server'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "record" -d 'Record a map as MCAP, for Foxglove and Rerun'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "replay" -d 'Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the map'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "run" -d 'Track an RGB-D sequence with the reference frontend, through a server'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "serve" -d 'Serve maps over gRPC until SIGTERM or ctrl-c'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "worker" -d 'Solve problem files of servers\' jobs until SIGTERM or ctrl-c, in builds with the feature `cluster`'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "solve" -d 'Solve a file: bundle adjustment or pose graph. `covis solve FILE` sees which it is'
+complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "ape" -d 'Absolute pose error of aligned trajectories'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "rpe" -d 'Relative pose error from one matched pose to the next, or over a number of poses, a path, an angle or a time'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from eval" -f -a "mask" -d 'Intersection over union of masks of moving objects, and the share that they mask falsely'

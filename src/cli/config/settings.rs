@@ -161,7 +161,7 @@ pub struct Config {
     /// File that holds the bearer token; COVIS_TOKEN holds the token itself.
     #[arg(long, value_name = "FILE", help_heading = CONNECTION)]
     pub token_file: Option<PathBuf>,
-    /// Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info].
+    /// Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal].
     #[arg(long, value_name = "LEVEL", help_heading = LOG)]
     pub log: Option<String>,
     /// Format of log lines [default: text].

@@ -11,6 +11,7 @@ use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 
 use super::super::formats::{self, of_trajectories, read_trajectory};
 use super::super::output::show;
+use super::super::overwrite::Overwrite;
 use crate::frontend::input::seven_scenes;
 
 /// The truth in a folder of the TUM layout.
@@ -26,12 +27,15 @@ pub(super) struct Args {
     /// Format of the trajectory.
     #[arg(long, value_name = "FORMAT", value_parser = of_trajectories(), default_value = "tum")]
     format: TrajectoryFormat,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print one JSON object instead of a sentence.
     #[arg(long)]
     json: bool,
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    args.overwrite.allow(&args.out)?;
     let truth = read_timed(&args.folder)?;
     truth.write_as(&args.out, args.format)?;
     let document = serde_json::json!({ "poses": truth.len() });

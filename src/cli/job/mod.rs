@@ -19,6 +19,7 @@ use super::connect::with_client;
 use super::html::ReportFlag;
 use super::map::{path_lines, write_files};
 use super::output::{print, show, succeed_if};
+use super::overwrite::Overwrite;
 use super::signals::Signals;
 use crate::client::{Client, RetryPolicy};
 use crate::wire::v1;
@@ -42,6 +43,7 @@ enum Action {
     /// Create a job on a map of the server, or on files that are sent to it.
     Submit(submit::Args),
     /// List the jobs, the newest first.
+    #[command(visible_alias = "ls")]
     List {
         /// Only jobs on this map.
         #[arg(long, value_name = "NAME")]
@@ -68,6 +70,7 @@ enum Action {
         id: String,
     },
     /// Delete a job that has ended, with its files.
+    #[command(visible_alias = "rm")]
     Delete {
         /// The job.
         id: String,
@@ -79,6 +82,8 @@ enum Action {
         /// The folder.
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
+        #[command(flatten)]
+        overwrite: Overwrite,
     },
 }
 
@@ -133,12 +138,13 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
             let document = serde_json::json!({ "id": id, "deleted": true });
             show(json, &document, || format!("job {id} is deleted"))
         }
-        Action::Fetch { id, out } => {
+        Action::Fetch { id, out, overwrite } => {
             let mut download = client.download_job_files(&id, None).await?;
             let paths: Vec<String> = download.files().iter().map(|f| f.path.clone()).collect();
             anyhow::ensure!(!paths.is_empty(), "job {id} has made no files");
             fs_err::create_dir_all(&out)?;
-            let files = write_files(&paths, async || download.next().await, &out).await?;
+            let files =
+                write_files(&paths, async || download.next().await, &out, overwrite).await?;
             let document = serde_json::json!({ "id": id, "files": files });
             show(json, &document, || path_lines(&files))
         }

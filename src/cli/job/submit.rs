@@ -11,6 +11,7 @@ use clap::ValueEnum;
 use super::super::choices::number;
 use super::super::map::{MapFormat, write_files};
 use super::super::output::{show, succeed_if};
+use super::super::overwrite::Overwrite;
 use super::super::progress::Working;
 use super::document::{Document, details, line};
 use super::{REPORT, described, files, to_end};
@@ -45,6 +46,8 @@ pub(super) struct Args {
     /// path, several into this folder.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// optimize-map, optimize-pose-graph on a map: maximum number of iterations [default: until it
     /// converges].
     #[arg(long, value_name = "N")]
@@ -135,7 +138,7 @@ pub(super) async fn submit(client: &Client, args: Args, json: bool) -> anyhow::R
                 chunk => break Ok(chunk),
             }
         };
-        let files = write_files(&paths, next, out).await?;
+        let files = write_files(&paths, next, out, args.overwrite).await?;
         if let Some(format) = args.format {
             format.finish(files)?;
         }

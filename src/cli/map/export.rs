@@ -1,6 +1,6 @@
 //! `covis map export`: writes the files of an export, chunk by chunk.
 //!
-//! An existing file is replaced only once the new one is complete. The server decides what the
+//! A file that is there is replaced only where the user says so, and once the new one is complete. The server decides what the
 //! files hold.
 
 use std::io::Write;
@@ -11,6 +11,7 @@ use fs_err as fs;
 use serde::Serialize;
 
 use super::super::output::show;
+use super::super::overwrite::Overwrite;
 use super::super::progress::Working;
 use super::files::Format;
 use crate::client::{Client, ClientError, MapExport};
@@ -33,7 +34,7 @@ pub(in crate::cli) fn path_lines(files: &[PathBuf]) -> String {
 pub(super) async fn export(
     client: &Client,
     (name, format, all_landmarks): (String, Format, bool),
-    out: &Path,
+    (out, overwrite): (&Path, Overwrite),
     json: bool,
 ) -> anyhow::Result<()> {
     let working = Working::new(format_args!("exporting map {name}"));
@@ -42,7 +43,7 @@ pub(super) async fn export(
         v1::ExportMapRequest { map_id, format: v1::MapFormat::from(format).into(), all_landmarks };
     let export = client.export_map_with(request).await?;
     let revision = export.header().revision;
-    let files = format.finish(write(export, out).await?)?;
+    let files = format.finish(write(export, out, overwrite).await?)?;
     drop(working);
     show(json, &Exported { map: name, revision, files: &files }, || path_lines(&files))
 }
@@ -52,12 +53,13 @@ pub(super) async fn export(
 pub(in crate::cli) async fn write(
     mut export: MapExport,
     out: &Path,
+    overwrite: Overwrite,
 ) -> anyhow::Result<Vec<PathBuf>> {
     let paths = export.header().paths.clone();
     if paths.is_empty() {
         bail!("the map holds nothing to export in this format");
     }
-    write_files(&paths, async || export.next().await, out).await
+    write_files(&paths, async || export.next().await, out, overwrite).await
 }
 
 /// Writes files whose chunks come in order, as [`write`] does, and returns their paths.
@@ -65,9 +67,11 @@ pub(in crate::cli) async fn write_files(
     paths: &[String],
     mut next: impl AsyncFnMut() -> Result<Option<v1::FileChunk>, ClientError>,
     out: &Path,
+    overwrite: Overwrite,
 ) -> anyhow::Result<Vec<PathBuf>> {
     let is_folder = paths.len() != 1 || out.is_dir();
     let target = |path: &str| if is_folder { out.join(path) } else { out.to_owned() };
+    paths.iter().try_for_each(|path| overwrite.allow(&target(path)))?;
     let mut open: Option<(PathBuf, fs::File)> = None;
     while let Some(chunk) = next().await? {
         let path = target(&chunk.path);

@@ -59,6 +59,27 @@ impl From<Format> for v1::MapFormat {
 }
 
 impl Format {
+    /// The format that the extension of a file's name says.
+    fn of_name(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()? {
+            "covis" => Some(Self::Covis),
+            "g2o" => Some(Self::G2o),
+            "tum" | "txt" => Some(Self::Tum),
+            "kitti" => Some(Self::Kitti),
+            "csv" => Some(Self::Euroc),
+            "ply" => Some(Self::Ply),
+            _ => None,
+        }
+    }
+
+    /// The format of an export to `out`: the given one, or that of its name, where a name without extension
+    /// is a COLMAP folder.
+    pub(super) fn of_export(given: Option<Self>, out: &Path) -> anyhow::Result<Self> {
+        let is_folder = out.extension().is_none();
+        let told = || if is_folder { Some(Self::ColmapBinary) } else { Self::of_name(out) };
+        given.or_else(told).with_context(|| unclear(out))
+    }
+
     /// The form of trajectories that is not the server's own.
     fn trajectories(self) -> Option<TrajectoryFormat> {
         match self {
@@ -129,23 +150,16 @@ pub(super) async fn import(client: &Client, args: ImportArgs, json: bool) -> any
 /// The files to send, by their names in the upload.
 pub(in crate::cli) type Files = Vec<(String, PathBuf)>;
 
+fn unclear(path: &Path) -> String {
+    format!("{}: the format does not follow from the name; set it with --format", path.display())
+}
+
 /// The format of a path, and its files.
 fn find(path: &Path, format: Option<Format>) -> anyhow::Result<(Format, Files)> {
     if path.is_dir() {
         return in_folder(path, format);
     }
-    let extension = path.extension().and_then(|e| e.to_str());
-    let told = match extension {
-        Some("covis") => Some(Format::Covis),
-        Some("g2o") => Some(Format::G2o),
-        Some("tum" | "txt") => Some(Format::Tum),
-        Some("kitti") => Some(Format::Kitti),
-        Some("csv") => Some(Format::Euroc),
-        Some(_) | None => None,
-    };
-    let Some(format) = format.or(told) else {
-        bail!("{}: the format does not follow from the name; set it with --format", path.display());
-    };
+    let format = format.or_else(|| Format::of_name(path)).with_context(|| unclear(path))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Ok((format, vec![(name, path.to_owned())]))
 }

@@ -19,6 +19,7 @@ use self::files::{Format, ImportArgs};
 use super::config::Config;
 use super::connect::with_client;
 use super::output::show;
+use super::overwrite::Overwrite;
 use crate::client::Client;
 use crate::wire::v1;
 
@@ -38,6 +39,7 @@ pub(super) struct Args {
 #[derive(Debug, clap::Subcommand)]
 enum Action {
     /// List all maps.
+    #[command(visible_alias = "ls")]
     List,
     /// Show one map: counts, clients, bounds.
     Show {
@@ -77,6 +79,7 @@ enum Action {
         source: String,
     },
     /// Delete a map with its journal.
+    #[command(visible_alias = "rm")]
     Delete {
         /// The map.
         name: String,
@@ -85,13 +88,15 @@ enum Action {
     Export {
         /// The map.
         name: String,
-        /// Format of the files.
+        /// Format of the files [default: by the name of PATH; a name without extension is a COLMAP folder].
         #[arg(long)]
-        format: Format,
+        format: Option<Format>,
         /// The file to write, or a folder if there are several (COLMAP's three, trajectories of several
         /// clients).
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
+        #[command(flatten)]
+        overwrite: Overwrite,
         /// COLMAP: also write the points that fewer than two keyframes observe. COLMAP's bundle adjustment
         /// refuses such points.
         #[arg(long)]
@@ -140,8 +145,9 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
             let document = serde_json::json!({ "map": name, "deleted": true });
             show(json, &document, || format!("map {name} is deleted"))
         }
-        Action::Export { name, format, out, all_points } => {
-            export::export(&client, (name, format, all_points), &out, json).await
+        Action::Export { name, format, out, overwrite, all_points } => {
+            let format = Format::of_export(format, &out)?;
+            export::export(&client, (name, format, all_points), (&out, overwrite), json).await
         }
         Action::Import(args) => files::import(&client, args, json).await,
         Action::Merge(args) => merge::merge(&client, args, json).await,

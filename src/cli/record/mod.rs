@@ -15,6 +15,7 @@
 //! robot drove, and a map that does not change gives the same bytes each time. Without the feature `mcap`
 //! there is no sink, and nothing is recorded.
 
+mod colors;
 mod of_run;
 mod recorder;
 mod scene;
@@ -32,6 +33,7 @@ use super::choices::number;
 use super::config::Config;
 use super::connect::connect;
 use super::output::print;
+use super::overwrite::Overwrite;
 use super::signals::Signals;
 pub(super) use of_run::{FrameWriter, RunRecording};
 
@@ -42,6 +44,8 @@ pub(super) struct Args {
     map: String,
     /// The recording, usually with the extension .mcap; `-` is standard output.
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Keep recording changes until ctrl-c, SIGTERM or the end of the map.
     #[arg(long)]
     follow: bool,
@@ -63,6 +67,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 /// Records a map.
 /// Fails for a server that is not there, a map that it does not have, and a file that cannot be written.
 pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
+    args.overwrite.allow(&args.out)?;
     sink::available()
         .with_context(|| format!("{} cannot be recorded to {}", args.map, args.out.display()))?;
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
@@ -70,7 +75,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         let mut signals = Signals::new().context("signals")?;
         let client = connect(config).await?;
         let every = Duration::from_secs_f64(args.every);
-        let mut recorder = recorder::Recorder::open(&client, &args.map, every).await?;
+        let mut recorder = recorder::Recorder::open(&client, &args.map, every, None).await?;
         let sink = sink::Sink::create(&args.out)?;
         let follows = args.follow || args.for_s.is_some();
         // A signal ends a recording as its time does: what was recorded is a complete file.

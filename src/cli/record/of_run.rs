@@ -1,4 +1,4 @@
-//! What `covis run --mcap` adds to the map: the image of each keyframe, figures of each frame, and the server's
+//! What `covis run --mcap` adds to the map: the image of each keyframe, colors of landmarks, figures of each frame, and the server's
 //! solves.
 //!
 //! Images are compressed on a thread of their own. Tracking never waits for it: an image that comes while
@@ -15,6 +15,7 @@ use covis_solvers::io::trajectory::nanoseconds_of_seconds;
 use tokio::sync::oneshot;
 use tokio::task;
 
+use super::colors::Colors;
 use super::recorder::Recorder;
 use super::scene::{Frames, timestamp};
 use super::schemas::figures::{FrameFigures, SolveFigures};
@@ -39,6 +40,7 @@ pub(in crate::cli) struct RunRecording {
     sink: Arc<Sink>,
     lock_step: bool,
     frame: String,
+    colors: Colors,
     end: oneshot::Sender<()>,
     recorder: task::JoinHandle<anyhow::Result<u64>>,
 }
@@ -54,7 +56,8 @@ impl RunRecording {
     ) -> anyhow::Result<Self> {
         sink::available().with_context(|| format!("--mcap {}", path.display()))?;
         ensure!(path.as_os_str() != "-", "--mcap takes a file: standard output has the figures");
-        let mut recorder = Recorder::open(client, map, EVERY).await?;
+        let colors = Colors::new(client_id);
+        let mut recorder = Recorder::open(client, map, EVERY, Some(colors.clone())).await?;
         let sink = Arc::new(Sink::create(path)?);
         let (end, ended) = oneshot::channel();
         let its_sink = Arc::clone(&sink);
@@ -65,7 +68,7 @@ impl RunRecording {
             };
             recorder.record(&its_sink, true, end).await
         });
-        Ok(Self { sink, lock_step, frame: Frames::of(client_id).camera, end, recorder })
+        Ok(Self { sink, lock_step, frame: Frames::of(client_id).camera, colors, end, recorder })
     }
 
     /// What the tracking thread writes with.
@@ -77,6 +80,8 @@ impl RunRecording {
             sink: Arc::clone(&self.sink),
             waits: self.lock_step,
             images,
+            previous: None,
+            colors: self.colors.clone(),
             compressor,
             left_out: 0,
             failure: None,
@@ -121,6 +126,9 @@ pub(in crate::cli) struct FrameWriter {
     sink: Arc<Sink>,
     waits: bool,
     images: SyncSender<(u64, Image<[u8; 3]>)>,
+    /// The frame before this one, as long as no keyframe came: the first keyframe comes a frame late.
+    previous: Option<(f64, Image<[u8; 3]>)>,
+    colors: Colors,
     compressor: JoinHandle<anyhow::Result<()>>,
     left_out: usize,
     failure: Option<anyhow::Error>,
@@ -139,11 +147,17 @@ impl FrameWriter {
         if let Err(error) = self.sink.put("/covis/frame", time_ns, &figures) {
             self.failure.get_or_insert(error);
         }
-        if outcome.keyframe.is_none() {
+        let Some(keyframe) = &outcome.keyframe else {
+            let has_begun = !self.colors.known().is_empty();
+            self.previous = (!has_begun).then(|| (frame.timestamp_s, frame.color.clone()));
             return;
-        }
+        };
+        let is_late = |(time_s, _): &(f64, _)| *time_s == keyframe.timestamp_s;
+        let previous = self.previous.take().filter(is_late);
+        let color = previous.map_or_else(|| frame.color.clone(), |(_, color)| color);
+        self.colors.learn(keyframe, &color);
         let images = &self.images;
-        let image = (time_ns, frame.color.clone());
+        let image = (nanoseconds(keyframe.timestamp_s), color);
         let is_sent =
             if self.waits { images.send(image).is_ok() } else { images.try_send(image).is_ok() };
         self.left_out += usize::from(!is_sent);

@@ -10,6 +10,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use covis_solvers::geometry::Se3;
 use tokio::time::Instant;
 
+use super::colors::Colors;
 use super::scene::Scene;
 use super::sink::Sink;
 use crate::client::{Client, ClientError, MapWatch, WatchOptions};
@@ -26,16 +27,17 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Opens the watch. States are written every so often at most.
+    /// Opens the watch. States are written every so often at most, landmarks in `colors` where they are known.
     pub(super) async fn open(
         client: &Client,
         map: &str,
         every: Duration,
+        colors: Option<Colors>,
     ) -> Result<Self, ClientError> {
         let mut watch = client.watch(map, WatchOptions::default()).await?;
         watch.next().await?;
         let (client, map) = (client.clone(), map.to_owned());
-        Ok(Self { client, map, every, watch, scene: Scene::default() })
+        Ok(Self { client, map, every, watch, scene: Scene::new(colors) })
     }
 
     /// Writes the map as it is; where it `follows`, also what changes until `end`. Finishes the recording in

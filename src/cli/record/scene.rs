@@ -17,6 +17,7 @@ use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::Vector3;
 use prost_types::Timestamp;
 
+use super::colors::Colors;
 use super::schemas::figures::MapFigures;
 use super::schemas::foxglove as fx;
 use super::sink::Sink;
@@ -32,8 +33,12 @@ pub(super) const MAP: &str = "map";
 const STEP_NS: u64 = 1000;
 /// Below this a keyframe has not moved, m.
 const MOVED_M: f64 = 1e-6;
-/// Bytes of a landmark: x, y, z as floats of 32 bits, and how often it was seen.
+/// Bytes of a landmark: x, y, z as floats of 32 bits, and how often it was seen; then its color, where colors
+/// are known.
 const STRIDE: u32 = 16;
+const COLORED_STRIDE: u32 = 20;
+/// The color of landmarks that no image of a keyframe shows.
+const UNKNOWN_COLOR: [u8; 3] = [128; 3];
 
 type Key = (String, i64);
 
@@ -45,9 +50,16 @@ pub(super) struct Scene {
     cameras: BTreeSet<Key>,
     /// The time of the last state.
     last_ns: Option<u64>,
+    /// Colors of landmarks, where something knows them.
+    colors: Option<Colors>,
 }
 
 impl Scene {
+    /// Nothing is written yet.
+    pub(super) fn new(colors: Option<Colors>) -> Self {
+        Self { colors, ..Self::default() }
+    }
+
     /// Writes cameras and keyframes that are not in the recording yet. `odometry` has the poses in the
     /// odometry frame where they are known; of others it follows from the client's newest keyframe.
     pub(super) fn put_new(
@@ -106,7 +118,7 @@ impl Scene {
         // What is gone from the map, for instance with a map of the same name that was made anew.
         self.keyframes.retain(|key, _| mirror.keyframes.contains_key(key));
 
-        sink.put("/covis/landmarks", time_ns, &landmarks(mirror, time_ns))?;
+        sink.put("/covis/landmarks", time_ns, &landmarks(mirror, self.colors.as_ref(), time_ns))?;
         let mut poses: BTreeMap<&str, Vec<(u64, &Key)>> = BTreeMap::new();
         for key in mirror.keyframes.keys() {
             poses.entry(&key.0).or_default().push((capture_ns(mirror, key), key));
@@ -259,35 +271,48 @@ fn delay_s(now_ns: u64, captured_ns: u64) -> Option<f64> {
 }
 
 /// Landmarks that have a position.
-fn positions(mirror: &MapMirror) -> impl Iterator<Item = (v1::Vector3, i64)> + '_ {
-    mirror.landmarks.values().filter_map(|l| Some((l.point_in_world?, l.observation_count)))
+fn positions(mirror: &MapMirror) -> impl Iterator<Item = (&Key, v1::Vector3, i64)> + '_ {
+    let landmarks = mirror.landmarks.iter();
+    landmarks.filter_map(|(key, l)| Some((key, l.point_in_world?, l.observation_count)))
 }
 
-fn landmarks(mirror: &MapMirror, time_ns: u64) -> fx::PointCloud {
+fn landmarks(mirror: &MapMirror, colors: Option<&Colors>, time_ns: u64) -> fx::PointCloud {
     use fx::packed_element_field::NumericType;
     let field = |name: &str, offset, kind: NumericType| fx::PackedElementField {
         name: name.to_owned(),
         offset,
         r#type: kind.into(),
     };
-    let mut data = Vec::with_capacity(mirror.landmarks.len() * STRIDE as usize);
-    for (point, observations) in positions(mirror) {
+    let mut fields = vec![
+        field("x", 0, NumericType::Float32),
+        field("y", 4, NumericType::Float32),
+        field("z", 8, NumericType::Float32),
+        field("observations", 12, NumericType::Uint32),
+    ];
+    let point_stride = if colors.is_some() { COLORED_STRIDE } else { STRIDE };
+    if colors.is_some() {
+        let channels = ["red", "green", "blue", "alpha"].into_iter().zip(STRIDE..);
+        fields.extend(channels.map(|(name, offset)| field(name, offset, NumericType::Uint8)));
+    }
+    let known = colors.map(|colors| (colors.client.as_str(), colors.known()));
+    let mut data = Vec::with_capacity(mirror.landmarks.len() * point_stride as usize);
+    for ((client, id), point, observations) in positions(mirror) {
         for coordinate in [point.x, point.y, point.z] {
             data.extend((coordinate as f32).to_le_bytes());
         }
         data.extend(u32::try_from(observations).unwrap_or(0).to_le_bytes());
+        if let Some((its_client, known)) = &known {
+            let color = known.get(id).filter(|_| client == its_client);
+            data.extend(color.unwrap_or(&UNKNOWN_COLOR));
+            data.push(u8::MAX);
+        }
     }
     fx::PointCloud {
         timestamp: Some(timestamp(time_ns)),
         frame_id: MAP.to_owned(),
         pose: Some(identity()),
-        point_stride: STRIDE,
-        fields: vec![
-            field("x", 0, NumericType::Float32),
-            field("y", 4, NumericType::Float32),
-            field("z", 8, NumericType::Float32),
-            field("observations", 12, NumericType::Uint32),
-        ],
+        point_stride,
+        fields,
         data,
     }
 }

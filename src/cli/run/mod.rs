@@ -29,6 +29,7 @@ use super::connect::{Embedded, connect};
 use super::formats::of_trajectories;
 use super::html::ReportFlag;
 use super::output::{ended_by, show};
+use super::overwrite::Overwrite;
 use super::progress::Progress;
 use super::record::{FrameWriter, RunRecording};
 use super::volume::Measures;
@@ -59,6 +60,8 @@ pub(super) struct Args {
     /// Folder for trajectories and masks; it is created if it is missing.
     #[arg(long, value_name = "FOLDER", default_value = "covis-run")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Format of the trajectories.
     #[arg(long, value_name = "FORMAT", value_parser = of_trajectories(), default_value = "tum")]
     format: TrajectoryFormat,
@@ -153,6 +156,8 @@ pub(super) struct RunOptions {
 /// be written.
 pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     // Seen now rather than after the run.
+    args.overwrite.allow(&args.out)?;
+    args.recording.iter().try_for_each(|file| args.overwrite.allow(file))?;
     fs::create_dir_all(&args.out)?;
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.map_or(available, usize::from);

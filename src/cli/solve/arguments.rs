@@ -13,6 +13,7 @@ use covis_solvers::robust::Kernel;
 
 use crate::cli::choices::Choices;
 use crate::cli::html::ReportFlag;
+use crate::cli::overwrite::Overwrite;
 
 /// How false loop closures are found. By this name clap takes `None` for a value, not for absence.
 pub(super) type Robust = Option<Kernel>;
@@ -78,6 +79,8 @@ pub(super) struct Shared {
     /// Write the solved problem in the input's own format, with 17 digits.
     #[arg(long, value_name = "PATH")]
     pub(super) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) overwrite: Overwrite,
     #[command(flatten)]
     pub(super) report: ReportFlag,
 }

@@ -152,6 +152,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     let shared = &args.shared;
     // A folder is made with all its parents.
     writable(shared.out.as_deref().filter(|_| !args.input.is_dir()))?;
+    shared.out.iter().try_for_each(|out| shared.overwrite.allow(out))?;
     let working = Working::new(format_args!("reading {}", args.input.display()));
     let read = Source::read(&args.input);
     let mut source = read.map_err(|error| with_kind(error, &args.input, Content::Bundle))?;

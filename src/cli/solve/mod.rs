@@ -9,7 +9,7 @@
 //! |---|---|
 //! | `bundle`, `rebuild` | bundle adjustment, and poses and points from the observations |
 //! | `pose_graph`, `incremental` | g2o files, as a whole or vertex by vertex |
-//! | `arguments` | flags that both share |
+//! | `arguments`, `kind` | flags that both share; which of both a file is for |
 //! | `report`, `residuals`, `graph_details`, `graph_page` | what is printed, and the pages |
 
 mod arguments;
@@ -17,6 +17,7 @@ mod bundle;
 mod graph_details;
 mod graph_page;
 mod incremental;
+mod kind;
 mod pose_graph;
 mod rebuild;
 mod report;
@@ -25,6 +26,7 @@ mod residuals;
 use covis_solvers::optimizer::{self, Termination};
 
 use super::config::Config;
+pub(super) use kind::named;
 
 /// Arguments of `covis solve`.
 #[derive(Debug, clap::Args)]

@@ -75,6 +75,7 @@ pub(super) struct Args {
 /// Reads, solves, writes, reports.
 pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     writable(args.shared.out.as_deref())?;
+    args.shared.out.iter().try_for_each(|out| args.shared.overwrite.allow(out))?;
     let working = Working::new(format_args!("reading {}", args.input.display()));
     let (file, diagnosis) = graph_details::read(&args.input, args.repair_information)?;
     drop(working);
