@@ -48,8 +48,12 @@ fn an_evaluation_shows_where_when_and_how_large_errors_are_with_the_same_bytes_e
         assert_eq!(ran.code, Some(0), "{}", ran.stderr);
         assert!(ran.stdout.ends_with("The report is report.html\n"), "{}", ran.stdout);
         let html = page(&workspace.path("report.html"));
-        let expected = ["Summary", "Trajectory", "Errors over time", "How large the errors are"];
+        let mut expected =
+            vec!["Summary", "Trajectory", "Errors over time", "How large the errors are"];
+        // Relative errors have no common frame.
+        expected.extend((metric == "ape").then_some("Position and orientation"));
         assert_eq!(sections(&html), expected);
+        assert!(html.contains("<p class=\"verdict\">The rmse is "), "{html}");
         assert!(html.contains(&format!("<code>covis {arguments}</code>")));
         // With --json the page is the same and standard output is the object alone.
         let json = workspace.json(&format!("{arguments} --json"), &[]);
@@ -159,6 +163,7 @@ fn a_run_ends_with_the_path_of_its_page() {
     // Scripts get what they ask for.
     workspace.json("--log warn run tum:seq --out json --json", &[]);
     assert!(!workspace.path("json/report.html").exists());
-    let ran = workspace.run("--log warn run tum:seq --out json --report no/where.html", &[]);
+    let ran =
+        workspace.run("--log warn run tum:seq --out json --force --report no/where.html", &[]);
     ran.expect_failure(&["no/where.html"]);
 }

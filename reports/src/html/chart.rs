@@ -6,6 +6,7 @@
 use std::fmt::{Display, Write};
 
 use super::markup::Markup;
+use super::number::number;
 use super::picture::Picture;
 use super::scale::{Kind, Scale};
 use super::thin::thin;
@@ -99,7 +100,9 @@ pub struct Labels<'a> {
 pub enum Span {
     /// From 0, so that heights compare as the values do.
     FromZero,
-    /// The values alone: by powers of ten where the largest is ten times the smallest, which the
+    /// The values alone.
+    Linear,
+    /// The same, but by powers of ten where the largest is ten times the smallest, which the
     /// description then says.
     OfValues,
 }
@@ -116,7 +119,7 @@ pub fn lines(labels: Labels<'_>, span: Span, lines: &[Line]) -> Picture {
         Span::OfValues if positive.1 >= DECADE * positive.0 => {
             (Kind::Log, Scale::whole_decades(positive))
         }
-        Span::OfValues => (Kind::Linear, (low, high)),
+        Span::Linear | Span::OfValues => (Kind::Linear, (low, high)),
     };
     let y = Scale::new(kind, range, (BOTTOM, TOP));
     let mut body = axes(&x, &y, &labels);
@@ -144,27 +147,27 @@ fn finite(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
 }
 
 /// How often each size occurs, over its logarithm: before and after, each as a share of its own count.
-/// Sizes that are not finite are left out, those of 0 lie in the lowest bin.
+///
+/// Sizes that are not finite are left out. Those that are next to nothing beside the others, as residuals of
+/// what only one measurement determines, are not drawn but counted in the description.
 #[must_use]
 pub fn histogram(labels: Labels<'_>, before: Option<&[f64]>, after: &[f64]) -> Picture {
     let sets = [(Role::Before, before.unwrap_or_default()), (Role::After, after)];
-    // The tails are cut where next to nothing lies, so that the middle is seen.
-    let mut sizes: Vec<f64> =
-        sets.iter().flat_map(|set| set.1).copied().filter(|v| v.is_finite() && *v > 0.0).collect();
-    sizes.sort_unstable_by(f64::total_cmp);
-    let at = |share: f64| {
-        let index = (share * sizes.len().saturating_sub(1) as f64) as usize;
-        sizes.get(index).copied().unwrap_or(1.0)
-    };
-    let (low, high) = (at(0.002), at(1.0));
-    let x = Scale::new(Kind::Log, (low, high), (LEFT, RIGHT));
+    let ranges = sets.iter().filter_map(|(_, values)| range_of_sizes(values));
+    let range = ranges.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or((1.0, 1.0));
+    let x = Scale::new(Kind::Log, range, (LEFT, RIGHT));
+    let mut tiny = 0_usize;
     let shares = sets.map(|(role, values)| {
         let mut bins = [0_usize; BINS];
         let mut count = 0_usize;
         for value in values.iter().filter(|value| value.is_finite()) {
+            count += 1;
+            if *value < range.0 {
+                tiny += 1;
+                continue;
+            }
             let bin = (x.at(*value) - LEFT) / (RIGHT - LEFT) * BINS as f64;
             bins[(bin as usize).min(BINS - 1)] += 1;
-            count += 1;
         }
         (role, bins.map(|bin| 100.0 * bin as f64 / count.max(1) as f64), count)
     });
@@ -187,7 +190,25 @@ pub fn histogram(labels: Labels<'_>, before: Option<&[f64]>, after: &[f64]) -> P
     if before.is_some_and(|before| !before.is_empty()) {
         legend(&mut body, &[("before", Role::Before), ("after", Role::After)]);
     }
-    Picture::new(labels.title, labels.description, (WIDTH, HEIGHT), body)
+    let all: usize = sets.iter().map(|(_, values)| values.len()).sum();
+    let left_out = match 100.0 * tiny as f64 / all.max(1) as f64 {
+        share if share < 0.5 => String::new(),
+        share => format!(" {share:.0} % are below {} and not drawn.", number(range.0)),
+    };
+    let description = format!("{}{left_out}", labels.description);
+    Picture::new(labels.title, &description, (WIDTH, HEIGHT), body)
+}
+
+/// The range of sizes that a histogram shows: all of them, but no tail that is a thousand times smaller than
+/// nearly all others, nor the last 0.2 %. `None` where no size is positive.
+fn range_of_sizes(values: &[f64]) -> Option<(f64, f64)> {
+    const TINY: f64 = 1e-3;
+    let mut sizes: Vec<f64> =
+        values.iter().copied().filter(|v| v.is_finite() && *v > 0.0).collect();
+    sizes.sort_unstable_by(f64::total_cmp);
+    let at =
+        |share: f64| sizes.get((share * sizes.len().saturating_sub(1) as f64) as usize).copied();
+    Some((at(0.002)?.max(TINY * at(0.9)?), at(1.0)?))
 }
 
 /// A bar of [`bars`].

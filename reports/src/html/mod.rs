@@ -60,9 +60,10 @@ pub struct Page {
 }
 
 impl Page {
-    /// Starts a page: its title, the command line that made it, and facts as name and value.
+    /// Starts a page: its title, the command line that made it, what came out of it in a sentence, and facts
+    /// as name and value.
     #[must_use]
-    pub fn new(title: &str, command: &str, facts: &[(&str, String)]) -> Self {
+    pub fn new(title: &str, command: &str, verdict: &str, facts: &[(&str, String)]) -> Self {
         let mut body = Markup::default();
         body.literal("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
         // Nothing can be loaded and nothing can run, whatever a name in here may try.
@@ -76,6 +77,9 @@ impl Page {
         body.element("title", &[], title);
         body.literal("</head>\n<body>\n<main>\n");
         body.element("h1", &[], title);
+        if !verdict.is_empty() {
+            body.element("p", &[("class", &"verdict")], verdict);
+        }
         body.element("code", &[], command);
         let mut page = Self { body, pictures: 0 };
         if !facts.is_empty() {
@@ -109,6 +113,15 @@ impl Page {
             self.body.close("div");
         }
         self.body.close("div");
+    }
+
+    /// A long table, which the reader opens.
+    pub fn folded(&mut self, table: &Table) {
+        self.body.open("details", &[]);
+        let rows = count(table.rows.len());
+        self.body.element("summary", &[], format_args!("{}: {rows} rows", table.caption));
+        self.table(&Table { caption: String::new(), ..table.clone() });
+        self.body.close("details");
     }
 
     /// A table.

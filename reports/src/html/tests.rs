@@ -12,7 +12,7 @@ fn labels<'a>(title: &'a str) -> Labels<'a> {
 #[test]
 fn text_from_outside_never_becomes_markup() {
     let facts = [("map", HOSTILE.to_owned())];
-    let mut page = Page::new(HOSTILE, HOSTILE, &facts);
+    let mut page = Page::new(HOSTILE, HOSTILE, HOSTILE, &facts);
     page.section(HOSTILE);
     page.note(HOSTILE);
     let line = Line {
@@ -64,7 +64,7 @@ fn text_from_outside_never_becomes_markup() {
 
 #[test]
 fn nothing_is_loaded_from_elsewhere_and_nothing_runs() {
-    let mut page = Page::new("title", "covis solve", &[]);
+    let mut page = Page::new("title", "covis solve", "", &[]);
     page.row(&[lines(labels("Cost"), Span::OfValues, &[])], &[]);
     let html = page.finish("covis");
     for text in ["<script", "<link", "<img", "<iframe", "url(", "@import", "javascript:", "href"] {
@@ -82,7 +82,7 @@ fn nothing_is_loaded_from_elsewhere_and_nothing_runs() {
 
 #[test]
 fn every_picture_has_a_title_and_a_description_of_its_own() {
-    let mut page = Page::new("title", "covis solve", &[]);
+    let mut page = Page::new("title", "covis solve", "", &[]);
     let picture = histogram(labels("Residuals"), None, &[1.0, 2.0]);
     page.row(&[picture.clone(), picture], &[]);
     let html = page.finish("covis");
@@ -115,7 +115,7 @@ fn a_million_poses_make_a_small_page_that_shows_the_worst_of_them() {
         points: &positions,
         links: &links,
     };
-    let mut page = Page::new("title", "covis eval", &[]);
+    let mut page = Page::new("title", "covis eval", "", &[]);
     page.row(&views(&plan), &[]);
     let points: Vec<(f64, f64)> = errors.iter().enumerate().map(|(k, &e)| (k as f64, e)).collect();
     let line = Line { name: None, role: Role::After, points, marked: Vec::new() };
@@ -152,7 +152,7 @@ fn numbers_that_are_none_and_empty_sets_draw_without_harm() {
         points: positions,
         links: &[],
     };
-    let mut page = Page::new("title", "covis", &[]);
+    let mut page = Page::new("title", "covis", "", &[]);
     page.row(
         &[
             lines(labels("a"), Span::OfValues, std::slice::from_ref(&line)),
@@ -173,7 +173,7 @@ fn numbers_that_are_none_and_empty_sets_draw_without_harm() {
 
 /// The y of the points of a picture's first line, and the texts of its ticks beside y.
 fn drawn(picture: &Picture) -> (Vec<f64>, Vec<String>) {
-    let mut page = Page::new("title", "covis", &[]);
+    let mut page = Page::new("title", "covis", "", &[]);
     page.row(std::slice::from_ref(picture), &[]);
     let html = page.finish("covis");
     let (_, line) = html.split_once("class=\"line after\" d=\"M").unwrap();

@@ -9,7 +9,7 @@ use crate::report::{Page, Table, count, number};
 /// The page about all sequences.
 pub(super) fn page(rows: &[Row]) -> Page {
     let facts = [("sequences", count(rows.len()))];
-    let mut page = html::page("The reference frontend against ground truth", &facts);
+    let mut page = html::page("The reference frontend against ground truth", "", &facts);
     page.section("Errors");
     let figure = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), number);
     let cells = |row: &Row, run: &str, figures: &RunFigures| {

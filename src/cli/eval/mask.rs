@@ -78,13 +78,28 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.report.tell(args.json)
 }
 
+/// What came out, in a sentence.
+fn verdict(evaluation: &MaskEvaluation) -> String {
+    let percent = |share: f64| number(100.0 * share);
+    let falsely = percent(evaluation.false_share.mean);
+    match evaluation.iou.count {
+        0 => format!("{falsely} % of what stands still is masked."),
+        _ => {
+            let found = percent(evaluation.iou.mean);
+            format!(
+                "Masks meet {found} % of the union with the truth; {falsely} % of what stands still is masked."
+            )
+        }
+    }
+}
+
 /// The page: the figures of the table, and each frame's.
 fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
     let facts = [
         ("frames", count(frames.len())),
         ("frames with moving objects", count(evaluation.iou.count)),
     ];
-    let mut page = html::page("Masks of moving objects", &facts);
+    let mut page = html::page("Masks of moving objects", &verdict(evaluation), &facts);
     let row = |name: &str, s: &Statistics| {
         let figures = [s.mean, s.median, s.min, s.max].map(number);
         std::iter::once(name.to_owned()).chain(figures).collect::<Vec<_>>()

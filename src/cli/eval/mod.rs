@@ -20,7 +20,7 @@ use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 
 use self::measure::{Measure, Motions};
 use super::choices::{self, Choices, choice, choice_of};
-use super::formats::{of_trajectories, read_trajectory};
+use super::formats::{joined, of_trajectories, read_trajectory};
 use super::html::ReportFlag;
 use super::output::show;
 use crate::evaluation::{
@@ -200,10 +200,21 @@ fn share(text: &str) -> Result<f64, String> {
 /// An estimate and what was found about it.
 struct Compared<'a> {
     path: &'a Path,
-    poses: usize,
+    /// As it is in the file.
+    estimate: Trajectory,
     result: Evaluation,
     /// Statistics of the relation that was asked for.
     first: Statistics,
+}
+
+impl Compared<'_> {
+    /// The estimate in the frame of the truth, as far as it was corrected.
+    fn aligned(&self) -> Trajectory {
+        let Trajectory { timestamps, world_from_body } = &self.estimate;
+        let poses = world_from_body.iter();
+        let poses = poses.map(|pose| self.result.truth_from_estimate.transform_pose(pose));
+        joined(timestamps.iter().copied().zip(poses))
+    }
 }
 
 /// Reads the files, compares, prints.
@@ -267,5 +278,5 @@ fn compare<'a>(
         let (path, relation) = (path.display(), measure.relation.name());
         tracing::warn!("{path}: {left_out} pairs without a true motion are left out of {relation}");
     }
-    Ok(Compared { path, poses: estimate.len(), result, first })
+    Ok(Compared { path, estimate, result, first })
 }

@@ -133,7 +133,7 @@ fn estimate(correction: Correction, compared: &Compared<'_>) -> Estimate {
         }
     };
     Estimate {
-        estimate_poses: compared.poses,
+        estimate_poses: compared.estimate.len(),
         pairs: result.pairs,
         first: compared.first,
         translation_m: result.translation_m,
@@ -180,7 +180,7 @@ pub(super) fn table(measure: &Measure, truth_poses: usize, compared: &[Compared<
 }
 
 fn table_of_one(measure: &Measure, truth_poses: usize, compared: &Compared<'_>) -> String {
-    let (result, poses) = (&compared.result, compared.poses);
+    let (result, poses) = (&compared.result, compared.estimate.len());
     let mut text = format!(
         "{}\n{} pairs of {truth_poses} true and {poses} estimated poses",
         measure.title(),

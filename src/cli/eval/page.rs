@@ -9,6 +9,8 @@ use covis_solvers::io::trajectory::Trajectory;
 use super::Compared;
 use super::measure::Measure;
 use super::output::{figures, statistics};
+use crate::cli::formats::joined;
+use crate::cli::html::trajectory::{Course, components, way};
 use crate::cli::html::{self, trajectory};
 use crate::evaluation::PoseRelation;
 use crate::report::{
@@ -33,15 +35,18 @@ fn title(measure: &Measure) -> String {
 
 fn page_of_one(measure: &Measure, truth: &Trajectory, compared: &Compared<'_>) -> Page {
     let result = &compared.result;
+    let estimate = compared.aligned();
+    let compared_truth = within(truth, std::slice::from_ref(&estimate));
     let mut facts = vec![
-        ("true poses", count(truth.len())),
-        ("estimated poses", count(compared.poses)),
+        ("true poses", format!("{}; {}", count(truth.len()), way(truth))),
+        ("estimated poses", format!("{}; {}", count(estimate.len()), way(&estimate))),
         ("pairs", count(result.pairs)),
     ];
     if measure.alignment.correction.has_scale() {
         facts.push(("scale", number(result.truth_from_estimate.scale)));
     }
-    let mut page = html::page(&title(measure), &facts);
+    let mut page =
+        html::page(&title(measure), &verdict(measure, compared, &compared_truth), &facts);
     let relations = measure.relations();
     let heads: Vec<String> = relations.iter().copied().map(trajectory::named).collect();
     let head: Vec<&str> =
@@ -56,12 +61,19 @@ fn page_of_one(measure: &Measure, truth: &Trajectory, compared: &Compared<'_>) -
     page.table(&Table::new("Errors", &head, rows));
     let is_absolute = measure.motions.is_none();
     trajectory::errors(&mut page, truth, &result.errors, is_absolute, &relations);
+    if is_absolute {
+        let course =
+            |name: &str, role, trajectory| Course { name: name.to_owned(), role, trajectory };
+        let truth = course("truth", Role::Before, &compared_truth);
+        components(&mut page, &[truth, course("estimate", Role::After, &estimate)]);
+    }
     page
 }
 
 fn page_of_several(measure: &Measure, truth: &Trajectory, compared: &[Compared<'_>]) -> Page {
-    let facts = [("true poses", count(truth.len())), ("estimates", count(compared.len()))];
-    let mut page = html::page(&title(measure), &facts);
+    let truth_way = format!("{}; {}", count(truth.len()), way(truth));
+    let facts = [("true poses", truth_way), ("estimates", count(compared.len()))];
+    let mut page = html::page(&title(measure), &verdict_of_several(measure, compared), &facts);
     page.table(&figures_of_several(measure, compared));
     let names: Vec<String> = compared
         .iter()
@@ -77,12 +89,50 @@ fn page_of_several(measure: &Measure, truth: &Trajectory, compared: &[Compared<'
     }
     page.section("Errors over time");
     over_time(&mut page, measure, compared, &names);
+    if is_absolute {
+        let estimates: Vec<Trajectory> =
+            compared.iter().take(SERIES).map(Compared::aligned).collect();
+        let truth = within(truth, &estimates);
+        let truth = Course { name: "truth".to_owned(), role: Role::Reference, trajectory: &truth };
+        let course = |(index, trajectory): (usize, _)| {
+            let (name, role) = ((index + 1).to_string(), Role::Series(index));
+            Course { name, role, trajectory }
+        };
+        let courses = estimates.iter().enumerate().map(course);
+        components(&mut page, &std::iter::once(truth).chain(courses).collect::<Vec<_>>());
+    }
     for one in compared {
         page.section(&one.path.display().to_string());
         let errors = &one.result.errors;
         trajectory::error_plan_of(&mut page, truth, errors, is_absolute, measure.relation);
     }
     page
+}
+
+/// The truth at the times of the estimates, with a second around.
+fn within(truth: &Trajectory, estimates: &[Trajectory]) -> Trajectory {
+    const AROUND_S: f64 = 1.0;
+    let times = || estimates.iter().flat_map(|estimate| estimate.timestamps.iter().copied());
+    let first = times().fold(f64::INFINITY, f64::min) - AROUND_S;
+    let last = times().fold(f64::NEG_INFINITY, f64::max) + AROUND_S;
+    let poses = truth.timestamps.iter().copied().zip(truth.world_from_body.iter().copied());
+    joined(poses.filter(|(time, _)| (first..=last).contains(time)))
+}
+
+/// What came out for one estimate, in a sentence.
+fn verdict(measure: &Measure, compared: &Compared<'_>, truth: &Trajectory) -> String {
+    let (rmse, of) = (number(compared.first.rmse), trajectory::named(measure.relation));
+    format!("The rmse is {rmse} ({of}) over a true way of {}.", way(truth))
+}
+
+/// The best of several, in a sentence.
+fn verdict_of_several(measure: &Measure, compared: &[Compared<'_>]) -> String {
+    let best = compared.iter().min_by(|a, b| a.first.rmse.total_cmp(&b.first.rmse));
+    let best = best.map(|one| {
+        let (path, rmse) = (one.path.display(), number(one.first.rmse));
+        format!("{path} has the lowest rmse, {rmse} ({}).", trajectory::named(measure.relation))
+    });
+    best.unwrap_or_default()
 }
 
 /// A row an estimate.
@@ -97,7 +147,7 @@ fn figures_of_several(measure: &Measure, compared: &[Compared<'_>]) -> Table {
     }
     let row = |(index, one): (usize, &Compared<'_>)| {
         let mut cells = vec![(index + 1).to_string(), one.path.display().to_string()];
-        cells.extend([count(one.poses), count(one.result.pairs)]);
+        cells.extend([count(one.estimate.len()), count(one.result.pairs)]);
         cells.extend(figures(&one.first).map(|(_, figure)| number(figure)));
         if has_scale {
             cells.push(number(one.result.truth_from_estimate.scale));

@@ -46,9 +46,9 @@ impl ReportFlag {
     }
 }
 
-/// A page with the command line of this process.
-pub(super) fn page(title: &str, facts: &[(&str, String)]) -> Page {
-    Page::new(title, &command_line(std::env::args_os()), facts)
+/// A page with the command line of this process; `verdict` says in a sentence what came out of it.
+pub(super) fn page(title: &str, verdict: &str, facts: &[(&str, String)]) -> Page {
+    Page::new(title, &command_line(std::env::args_os()), verdict, facts)
 }
 
 /// The command as a shell takes it; the program by its name, wherever it is.

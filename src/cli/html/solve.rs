@@ -15,19 +15,28 @@ pub(in crate::cli) struct Iteration {
     pub(in crate::cli) damping: f64,
 }
 
-/// The cost over iterations and over time, with its table.
+/// Rows of iterations that are shown unasked.
+const SHOWN: usize = 12;
+
+/// How far the cost was above its last value, over iterations and over time, with its table.
 pub(in crate::cli) fn cost(page: &mut Page, rows: &[Iteration]) {
     page.section("Cost");
-    let line = |x: fn(&Iteration) -> f64| Line {
-        points: rows.iter().map(|row| (x(row), row.cost)).collect(),
-        marked: rows.iter().filter(|row| !row.accepted).map(|row| (x(row), row.cost)).collect(),
-        ..Line::default()
+    let last = rows.iter().map(|row| row.cost).fold(f64::INFINITY, f64::min);
+    let line = |x: fn(&Iteration) -> f64| {
+        // The last row has nothing above it, and no place where powers of ten are.
+        let above = rows.iter().filter(|row| row.cost > last).map(|row| (row, row.cost - last));
+        let point = |(row, above): (&Iteration, f64)| (x(row), above);
+        Line {
+            points: above.clone().map(point).collect(),
+            marked: above.filter(|(row, _)| !row.accepted).map(point).collect(),
+            ..Line::default()
+        }
     };
     let described = |title, x| Labels {
         title,
-        description: "A circle is a step that was rejected.",
+        description: "How far the cost is above the lowest. A circle is a step that was rejected.",
         x,
-        y: "cost",
+        y: "cost − lowest cost",
     };
     let pictures = [
         lines(
@@ -48,7 +57,8 @@ pub(in crate::cli) fn cost(page: &mut Page, rows: &[Iteration]) {
         ]
     };
     let head = ["iteration", "cost", "time, s", "damping", "step"];
-    page.table(&Table::new("Iterations", &head, rows.iter().map(cells).collect()));
+    let table = Table::new("Iterations", &head, rows.iter().map(cells).collect());
+    if rows.len() > SHOWN { page.folded(&table) } else { page.table(&table) }
 }
 
 /// Residuals of one kind.

@@ -1,10 +1,13 @@
 //! What pages show of trajectories: positions from above and from the side, errors over time and by size.
 //! The errors are those of [`crate::evaluation`].
 
+use covis_solvers::geometry::Se3;
 use covis_solvers::io::trajectory::Trajectory;
 
 use crate::evaluation::{PoseError, PoseRelation};
-use crate::report::{Labels, Line, Page, Plan, Span, Table, histogram, lines, quantiles, views};
+use crate::report::{
+    Labels, Line, Page, Plan, Role, Span, Table, histogram, lines, number, quantiles, views,
+};
 
 /// A relation with its unit: "translation, m".
 pub(in crate::cli) fn named(relation: PoseRelation) -> String {
@@ -63,6 +66,70 @@ pub(in crate::cli) fn error_plan_of(
         links: &[],
     };
     page.row(&views(&plan), &[]);
+}
+
+/// A trajectory for [`components`].
+pub(in crate::cli) struct Course<'a> {
+    pub(in crate::cli) name: String,
+    pub(in crate::cli) role: Role,
+    pub(in crate::cli) trajectory: &'a Trajectory,
+}
+
+/// Length of the way, m.
+pub(in crate::cli) fn length_m(trajectory: &Trajectory) -> f64 {
+    let poses = trajectory.world_from_body.windows(2);
+    poses.map(|pair| (pair[1].translation - pair[0].translation).norm()).sum()
+}
+
+/// A way in words: "18.88 m in 99.18 s".
+pub(in crate::cli) fn way(trajectory: &Trajectory) -> String {
+    format!("{} m in {} s", number(length_m(trajectory)), number(duration_s(trajectory)))
+}
+
+/// From the first pose to the last, s.
+pub(in crate::cli) fn duration_s(trajectory: &Trajectory) -> f64 {
+    let times = &trajectory.timestamps;
+    times.first().zip(times.last()).map_or(0.0, |(first, last)| last - first)
+}
+
+/// A section with x, y, z, and roll, pitch, yaw of bodies over time, all in one frame. The angles are about
+/// the fixed axes x, y and z in this order, as evo has them.
+pub(in crate::cli) fn components(page: &mut Page, courses: &[Course<'_>]) {
+    const NAMES: [(&str, &str); 6] =
+        [("x", "m"), ("y", "m"), ("z", "m"), ("Roll", "deg"), ("Pitch", "deg"), ("Yaw", "deg")];
+    let begins = courses.iter().filter_map(|course| course.trajectory.timestamps.first());
+    let start_s = begins.copied().fold(f64::INFINITY, f64::min);
+    page.section("Position and orientation");
+    let figure = |pose: &Se3, component: usize| match component {
+        0..3 => pose.translation[component],
+        _ => {
+            let (roll, pitch, yaw) = pose.rotation.quaternion().euler_angles();
+            [roll, pitch, yaw][component - 3].to_degrees()
+        }
+    };
+    let picture = |(component, (name, unit)): (usize, &(&str, &str))| {
+        let of = |course: &Course<'_>| {
+            let Trajectory { timestamps, world_from_body } = course.trajectory;
+            let poses = timestamps.iter().zip(world_from_body);
+            let points: Vec<(f64, f64)> =
+                poses.map(|(time, pose)| (time - start_s, figure(pose, component))).collect();
+            // An angle that goes on at the other end of the circle does not go through the middle.
+            let runs = points.chunk_by(|a, b| component < 3 || (b.1 - a.1).abs() < 180.0);
+            let line = |(number, run): (usize, &[(f64, f64)])| Line {
+                name: (number == 0).then(|| course.name.clone()),
+                role: course.role,
+                points: run.to_vec(),
+                marked: Vec::new(),
+            };
+            runs.enumerate().map(line).collect::<Vec<_>>()
+        };
+        let all: Vec<Line> = courses.iter().flat_map(of).collect();
+        let title = if component < 3 { format!("Position along {name}") } else { name.to_string() };
+        let description = "Over time, in the frame of the map or of the truth.";
+        let labels = Labels { title: &title, description, x: "time, s", y: unit };
+        lines(labels, Span::Linear, &all)
+    };
+    page.row(&NAMES.iter().enumerate().map(picture).collect::<Vec<_>>(), &[]);
 }
 
 /// Sections about the errors of a trajectory: where they are, when, and how large. The first of the

@@ -31,10 +31,10 @@ pub(super) struct Document {
     iteration: Option<i32>,
     cost: Option<f64>,
     time_left_s: Option<f64>,
-    cost_before: Option<f64>,
-    cost_after: Option<f64>,
+    pub(super) cost_before: Option<f64>,
+    pub(super) cost_after: Option<f64>,
     /// Why solves ended that did not converge.
-    not_converged: Option<String>,
+    pub(super) not_converged: Option<String>,
     failure: Option<Failure>,
     files: Vec<File>,
     /// Lists of which the server answered the first entries.

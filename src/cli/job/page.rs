@@ -13,7 +13,7 @@ use crate::report::{Page, Table, number};
 
 /// The page of a job.
 pub(super) fn page(job: &Document) -> Page {
-    let mut page = html::page(&format!("Job {}", job.id), &lines(job));
+    let mut page = html::page(&format!("Job {}", job.id), &verdict(job), &lines(job));
     let Some(report) = &job.report else {
         page.note("A job has a report once it has succeeded.");
         return page;
@@ -23,6 +23,40 @@ pub(super) fn page(job: &Document) -> Page {
         None => of_problem(&mut page, report),
     }
     page
+}
+
+/// What came out, in a sentence.
+fn verdict(job: &Document) -> String {
+    let mut text = format!("The job {}", job.state);
+    if job.state == "pending" || job.state == "running" || job.state == "cancelled" {
+        text = format!("The job is {}", job.state);
+    }
+    if let (Some(before), Some(after)) = (job.cost_before, job.cost_after) {
+        text.push_str(&format!(": cost {} → {}", number(before), number(after)));
+    }
+    if let Some(ended) = &job.not_converged {
+        text.push_str(&format!("; not converged: {ended}"));
+    }
+    text.push('.');
+    text
+}
+
+/// A key as words, with its unit behind a comma.
+fn words(key: &str) -> String {
+    const UNITS: [(&str, &str); 7] = [
+        ("_seconds", "s"),
+        ("_ms", "ms"),
+        ("_s", "s"),
+        ("_m", "m"),
+        ("_px", "px"),
+        ("_deg", "deg"),
+        ("_bytes", "bytes"),
+    ];
+    let unit = UNITS.iter().find_map(|(ending, unit)| Some((key.strip_suffix(ending)?, unit)));
+    match unit {
+        Some((name, unit)) => format!("{}, {unit}", name.replace('_', " ")),
+        None => key.replace('_', " "),
+    }
 }
 
 fn of_problem(page: &mut Page, report: &Value) {
@@ -56,13 +90,13 @@ fn of_problem(page: &mut Page, report: &Value) {
     }
 }
 
-/// Rows of all that is a single value; keys of objects within objects are joined with a point.
+/// Rows of all that is a single value, their keys as words; those of objects within objects follow theirs.
 fn flatten(prefix: &str, value: &Value, rows: &mut Vec<Vec<String>>) {
     let Value::Object(object) = value else { return };
     for (key, value) in object {
-        let name = format!("{prefix}{key}");
+        let name = format!("{prefix}{}", words(key));
         match value {
-            Value::Object(_) => flatten(&format!("{name}."), value, rows),
+            Value::Object(_) => flatten(&format!("{name}: "), value, rows),
             Value::String(text) => rows.push(vec![name, text.clone()]),
             Value::Number(figure) => {
                 let figure = figure.as_f64().map_or_else(|| figure.to_string(), number);

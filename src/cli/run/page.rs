@@ -10,9 +10,11 @@ use anyhow::Context;
 use covis_solvers::evaluation::ObservationLengths;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 
-use super::report::{Document, Quantiles};
+use super::report::{self, Document, Quantiles};
+use crate::cli::formats::joined;
 use crate::cli::html;
 use crate::cli::html::solve::{Iteration, Residuals, cost, residuals};
+use crate::cli::html::trajectory::{Course, components};
 use crate::client::Client;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::mapping::solves::LocalSolve;
@@ -36,6 +38,13 @@ struct Closure {
 }
 
 impl FinalMap {
+    /// Root mean square of the pixels' residuals, px; `None` without any.
+    pub(super) fn rms_px(&self) -> Option<f64> {
+        let all = &self.lengths.pixels_px;
+        let squares: f64 = all.iter().map(|length| length * length).sum();
+        (!all.is_empty()).then(|| (squares / all.len() as f64).sqrt())
+    }
+
     /// Asks the server.
     ///
     /// # Errors
@@ -100,7 +109,7 @@ pub(super) fn page(
     report: &RunReport,
     map: Option<&FinalMap>,
 ) -> Page {
-    let mut page = html::page(title, &document.facts());
+    let mut page = html::page(title, &document.verdict(map), &document.facts());
     trajectory(&mut page, report, map);
     if let Some(map) = map {
         closures(&mut page, &map.closures);
@@ -117,15 +126,15 @@ pub(super) fn page(
     page
 }
 
-fn trajectory(page: &mut Page, report: &RunReport, map: Option<&FinalMap>) {
+fn trajectory(page: &mut Page, run: &RunReport, map: Option<&FinalMap>) {
     let positions: Vec<[f64; 3]> =
-        report.trajectory.iter().map(|(_, pose)| pose.translation.into()).collect();
+        run.trajectory.iter().map(|(_, pose)| pose.translation.into()).collect();
     let live: Vec<[f64; 3]> =
-        report.live.iter().map(|frame| frame.world_from_camera.translation.into()).collect();
-    let moved: Vec<f64> = report
+        run.live.iter().map(|frame| frame.world_from_camera.translation.into()).collect();
+    let moved: Vec<f64> = run
         .trajectory
         .iter()
-        .zip(&report.live)
+        .zip(&run.live)
         .map(|((_, last), live)| (last.translation - live.world_from_camera.translation).norm())
         .collect();
     let links: Vec<Link> =
@@ -142,6 +151,13 @@ fn trajectory(page: &mut Page, report: &RunReport, map: Option<&FinalMap>) {
         links: &links,
     };
     page.row(&views(&plan), &[]);
+    let live = joined(run.live.iter().map(|frame| (frame.timestamp_s, frame.world_from_camera)));
+    let last = report::trajectory(run);
+    let course = |name: &str, role, trajectory| Course { name: name.to_owned(), role, trajectory };
+    components(
+        page,
+        &[course("at the time", Role::Before, &live), course("final map", Role::After, &last)],
+    );
 }
 
 fn closures(page: &mut Page, closures: &[Closure]) {
@@ -159,7 +175,12 @@ fn closures(page: &mut Page, closures: &[Closure]) {
         };
         vec![closure.name.clone(), verdict, chi2, weight]
     };
-    let head = ["keyframes", "verdict", "chi2", "weight"];
+    let mut head = vec!["keyframes", "verdict", "chi2", "weight"];
+    if closures.iter().all(|closure| closure.off.is_none()) {
+        // Only those that are off have figures.
+        head.truncate(2);
+    }
+    let row = |closure: &Closure| row(closure).into_iter().take(head.len()).collect();
     page.table(&Table::new("Loop closures of the map", &head, closures.iter().map(row).collect()));
 }
 

@@ -8,10 +8,13 @@ use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde::Serialize;
 
 use super::super::formats::{extension, joined};
+use super::super::html::trajectory::{duration_s, length_m};
 use super::super::volume::{MeshFigures, Paging};
+use super::page::FinalMap;
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::pipeline::StageSeconds;
+use crate::report::number;
 
 /// Loops that the table lists.
 const SHOWN_LOOPS: usize = 5;
@@ -20,6 +23,12 @@ const SHOWN_LOOPS: usize = 5;
 #[derive(Debug, Serialize)]
 pub(super) struct Document {
     frames: usize,
+    /// Length of the camera's way on the final map, m.
+    length_m: f64,
+    /// Of the sequence, from the first tracked frame to the last, s.
+    duration_s: f64,
+    /// How long tracking took over how long the sequence is: below 1 it keeps up with the camera.
+    real_time_factor: Option<f64>,
     skipped: usize,
     tracked: usize,
     lost: usize,
@@ -73,6 +82,29 @@ impl Quantiles {
 }
 
 impl Document {
+    /// What came out, in a sentence.
+    pub(super) fn verdict(&self, map: Option<&FinalMap>) -> String {
+        let mut text = match self.lost {
+            0 => format!("All {} frames were tracked", self.frames),
+            lost => format!("{lost} of {} frames were lost", self.frames),
+        };
+        if let Some(factor) = self.real_time_factor {
+            text.push_str(&format!(", in {} times the sequence's duration", number(factor)));
+        }
+        if let Some(rms_px) = map.and_then(FinalMap::rms_px) {
+            text.push_str(&format!("; the map's pixels are {} px off (rms)", number(rms_px)));
+        }
+        match (self.loops, self.loops_switched_off) {
+            (0, 0) => {}
+            (loops, 0) => text.push_str(&format!("; {loops} loops were closed")),
+            (loops, off) => {
+                text.push_str(&format!("; {loops} loops were closed, {off} found false"))
+            }
+        }
+        text.push('.');
+        text
+    }
+
     /// The counts as lines `name value`.
     pub(super) fn facts(&self) -> Vec<(&'static str, String)> {
         let mut facts = vec![
@@ -82,6 +114,10 @@ impl Document {
                     "{}: {} tracked, {} lost, {} skipped, {} later than 33 ms",
                     self.frames, self.tracked, self.lost, self.skipped, self.late
                 ),
+            ),
+            (
+                "camera's way",
+                format!("{} m in {} s", number(self.length_m), number(self.duration_s)),
             ),
             ("map", format!("{} keyframes, {} landmarks", self.keyframes, self.landmarks)),
             ("loops", format!("{} closed, {} found false", self.loops, self.loops_switched_off)),
@@ -139,7 +175,13 @@ pub(super) fn document(
         stages.insert("integrate", Quantiles::of(dense.integrate_s.iter().copied()));
         stages.insert("follow", Quantiles::of(dense.follow_s.iter().copied()));
     }
+    let way = trajectory(report);
+    let duration_s = duration_s(&way);
+    let busy_s: f64 = durations.frame.iter().sum();
     Document {
+        length_m: length_m(&way),
+        duration_s,
+        real_time_factor: (duration_s > 0.0).then(|| busy_s / duration_s),
         mesh: dense.map(|(_, mesh)| mesh),
         paging: dense.and_then(|(dense, _)| Paging::of(&dense.volume)),
         frames: report.frames,

@@ -23,7 +23,7 @@ use super::report::print_lines;
 use crate::cli::html;
 use crate::cli::output::print;
 use crate::cli::progress::Progress;
-use crate::report::{Labels, Line, Page, Span, histogram, lines};
+use crate::report::{Labels, Line, Page, Span, histogram, lines, number};
 
 /// A row every so many steps.
 const ROW_EVERY: usize = 100;
@@ -191,9 +191,21 @@ impl Incremental {
         print_lines(&self.lines())
     }
 
+    /// What came out, in a sentence.
+    fn verdict(&self) -> String {
+        let Steps { steps, median_ms, p99_ms, batch_cost, .. } = self.incremental;
+        format!(
+            "{steps} steps of {} ms (median) and {} ms (99 %): cost {}, that of a solve at once {}.",
+            number(median_ms),
+            number(p99_ms),
+            number(self.final_cost),
+            number(batch_cost)
+        )
+    }
+
     /// The page: how the cost grew with the graph, and how long steps took.
     pub(super) fn page(&self, title: &str) -> Page {
-        let mut page = html::page(title, &self.lines());
+        let mut page = html::page(title, &self.verdict(), &self.lines());
         page.section("Steps");
         let labels = Labels {
             title: "Cost over vertices",

@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::residuals;
 use crate::cli::html::{self, solve::Iteration};
 use crate::cli::output::print;
-use crate::report::Page;
+use crate::report::{Page, number};
 
 /// One object of `--json`.
 #[derive(Debug, Serialize)]
@@ -120,7 +120,7 @@ impl Report {
 
     /// A page with the summary and the cost; the caller adds what it knows of its problem.
     pub(super) fn page(&self, title: &str, solved: &Solved<impl Details>) -> Page {
-        let mut page = html::page(title, &self.lines(solved));
+        let mut page = html::page(title, &verdict(solved), &self.lines(solved));
         let rows = solved.summary.iterations.iter().map(|row| self.iteration(row));
         html::solve::cost(&mut page, &rows.collect::<Vec<_>>());
         page
@@ -177,6 +177,21 @@ impl Report {
     fn shifted(&self, seconds: f64) -> f64 {
         ((self.preparation.as_secs_f64() + seconds) * 1e6).round() / 1e6
     }
+}
+
+/// What came out, in a sentence.
+fn verdict<D>(solved: &Solved<D>) -> String {
+    let Solved { summary, residuals, .. } = solved;
+    let ended = if summary.termination.is_converged() { "Converged" } else { "Not converged" };
+    let steps = summary.iterations.len().saturating_sub(1);
+    let mut text = format!(
+        "{ended} after {steps} iterations: cost {} → {}",
+        number(summary.initial_cost),
+        number(summary.final_cost)
+    );
+    residuals.iter().for_each(|kind| text.push_str(&format!("; {}", kind.verdict())));
+    text.push('.');
+    text
 }
 
 /// Prints lines `name value` under a table.

@@ -5,6 +5,8 @@
 use covis_solvers::evaluation::{CostReport, Quantity, ResidualStatistics, SigmaJudgment};
 use serde::Serialize;
 
+use crate::report::number;
+
 /// The residuals of one quantity; those before are absent where nobody kept the start.
 #[derive(Debug, Serialize)]
 pub(super) struct Row {
@@ -52,6 +54,13 @@ pub(super) fn rows(before: Option<&CostReport>, after: &CostReport) -> Vec<Row> 
 }
 
 impl Row {
+    /// What a sentence about the solve says of them.
+    pub(super) fn verdict(&self) -> String {
+        let Self { quantity, unit, .. } = self;
+        let (rms, outliers) = (number(self.final_rms), 100.0 * self.outlier_share);
+        format!("{quantity} residuals of {rms} {unit} (rms), {outliers:.1} % outliers")
+    }
+
     /// Its line under the table, and one more where there is a hint.
     pub(super) fn lines(&self) -> Vec<(&'static str, String)> {
         let before = self.initial_rms.map(|rms| format!("{rms:.4} -> ")).unwrap_or_default();
