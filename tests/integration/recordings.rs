@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 use covis::frontend::image::RgbdFrame;
-use covis::frontend::input::fuzzing::ros_messages::{camera_info, image};
+use covis::frontend::input::fuzzing::ros_messages::{camera_info, foxglove, image};
 use covis::frontend::input::{FolderOptions, open_folder};
 use covis_solvers::testing::{data, skip};
 use fs_err as fs;
@@ -37,30 +37,50 @@ fn times_s(frame: &RgbdFrame) -> [f64; 2] {
     [frame.timestamp_s, frame.timestamp_s + frame.depth_delay_s]
 }
 
-/// An MCAP file of these frames.
-fn write_mcap(path: &Path, frames: &[RgbdFrame], camera: &[f64; 9], compression: bool) {
+/// An MCAP file of these frames, in messages of ROS 2 or of Foxglove.
+fn write_mcap(
+    path: &Path,
+    frames: &[RgbdFrame],
+    camera: &[f64; 9],
+    compression: bool,
+    is_foxglove: bool,
+) {
     let compression = compression.then_some(mcap::Compression::Zstd);
     let options = mcap::WriteOptions::new().profile("ros2").compression(compression);
     let mut writer = options.create(fs::File::create(path).unwrap()).unwrap();
-    let mut channel = |topic: &str, kind: &str| {
-        let schema = writer.add_schema(&format!("sensor_msgs/msg/{kind}"), "ros2msg", b"").unwrap();
-        writer.add_channel(schema, topic, "cdr", &Default::default()).unwrap()
+    let mut channel = |topic: &str, ros: &str, foxglove: &str| {
+        let (name, schema, message) = match is_foxglove {
+            true => (format!("foxglove.{foxglove}"), "protobuf", "protobuf"),
+            false => (format!("sensor_msgs/msg/{ros}"), "ros2msg", "cdr"),
+        };
+        let schema = writer.add_schema(&name, schema, b"").unwrap();
+        writer.add_channel(schema, topic, message, &Default::default()).unwrap()
     };
     let channels = [
-        channel("/cam/color/image_raw", "Image"),
-        channel("/cam/depth_registered/image_raw", "Image"),
-        channel("/cam/color/camera_info", "CameraInfo"),
-        channel("/imu", "Imu"),
+        channel("/cam/color/image_raw", "Image", "RawImage"),
+        channel("/cam/depth_registered/image_raw", "Image", "RawImage"),
+        channel("/cam/color/camera_info", "CameraInfo", "CameraCalibration"),
+        channel("/imu", "Imu", "Log"),
     ];
     let [fx, fy, cx, cy, d @ ..] = *camera;
     for frame in frames {
         let ([color_s, depth_s], size) = (times_s(frame), frame.color.size());
-        let messages = [
-            image(color_s, "color", "rgb8", size, frame.color.pixels().as_flattened()),
-            image(depth_s, "color", "32FC1", size, &meters(frame)),
-            camera_info("color", size, "plumb_bob", [fx, fy, cx, cy], &d),
-            vec![0, 1, 0, 0],
-        ];
+        let color = frame.color.pixels().as_flattened();
+        let pinhole = [fx, fy, cx, cy];
+        let messages = match is_foxglove {
+            true => [
+                foxglove::raw_image(color_s, "color", "rgb8", size, color),
+                foxglove::raw_image(depth_s, "color", "32FC1", size, &meters(frame)),
+                foxglove::camera_calibration("color", size, "plumb_bob", pinhole, &d),
+                Vec::new(),
+            ],
+            false => [
+                image(color_s, "color", "rgb8", size, color),
+                image(depth_s, "color", "32FC1", size, &meters(frame)),
+                camera_info("color", size, "plumb_bob", pinhole, &d),
+                vec![0, 1, 0, 0],
+            ],
+        };
         for (channel_id, message) in channels.into_iter().zip(messages) {
             let log_time = (color_s * 1e9) as u64;
             let header = mcap::records::MessageHeader {
@@ -93,8 +113,10 @@ fn an_mcap_file_is_tracked_as_the_folder_that_it_was_made_of() {
     let (frames, camera) = frames(&folder, 8);
     let (expected, document) = track(&workspace, "tum:seq", "--readout-ms 0 --depth-late-ms 0");
     assert_eq!(number(&document, "frames"), 8.0);
-    for (name, compression) in [("plain.mcap", false), ("packed.mcap", true)] {
-        write_mcap(&workspace.path(name), &frames, &camera, compression);
+    for (name, compression, is_foxglove) in
+        [("plain.mcap", false, false), ("packed.mcap", true, false), ("foxglove.mcap", true, true)]
+    {
+        write_mcap(&workspace.path(name), &frames, &camera, compression, is_foxglove);
         let (found, document) = track(&workspace, &format!("mcap:{name}"), "");
         assert_eq!((found, number(&document, "frames")), (expected.clone(), 8.0), "{name}");
     }
@@ -124,7 +146,7 @@ fn a_recording_that_was_cut_off_is_read_up_to_there() {
     let folder = workspace.room(4);
     let (frames, camera) = frames(&folder, 4);
     let path = workspace.path("cut.mcap");
-    write_mcap(&path, &frames, &camera, false);
+    write_mcap(&path, &frames, &camera, false, false);
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() * 7 / 8]).unwrap();
     let ran = workspace.run("--log warn run cut.mcap --out out --no-mask --json", &[]);
@@ -143,7 +165,7 @@ fn what_a_recording_does_not_have_is_told_with_what_it_has() {
     let workspace = Workspace::new();
     let folder = workspace.room(1);
     let (frames, camera) = frames(&folder, 1);
-    write_mcap(&workspace.path("a.mcap"), &frames, &camera, false);
+    write_mcap(&workspace.path("a.mcap"), &frames, &camera, false, false);
     let failed = |arguments: &str, part: &str| {
         let ran = workspace.run(&format!("--log error run {arguments}"), &[]);
         assert_eq!(ran.code, Some(1), "{arguments}: {}", ran.stderr);

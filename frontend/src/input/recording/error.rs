@@ -229,6 +229,12 @@ pub enum MessageError {
         /// What the header says.
         found: u16,
     },
+    /// The message is no protobuf.
+    #[error("no field of protobuf begins or ends before byte {at}")]
+    Protobuf {
+        /// Where that is seen.
+        at: usize,
+    },
     /// A text is not UTF-8.
     #[error("{field}: {source}")]
     Text {

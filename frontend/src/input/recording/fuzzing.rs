@@ -1,19 +1,24 @@
-//! The fuzz target of recordings: the messages of ROS 2.
+//! The fuzz target of recordings: the messages of ROS 2 and Foxglove.
 //!
 //! Built for tests and with the feature `fuzzing` only. Each function takes any bytes and panics where a
 //! promise is broken.
 
-use super::messages::{self, CameraInfo, CompressedImage, Kind, RawImage, Sample};
+use super::messages::{self, CameraInfo, CompressedImage, Encoding, Kind, RawImage, Sample};
 use super::{camera_info, images};
 use crate::camera::FrameCamera;
 
-/// A ROS 2 message, as each of those that are read.
+/// A message of ROS 2 or Foxglove, as each of those that are read.
 pub fn ros_message(input: &[u8]) {
-    let _time = messages::timestamp_s(input);
+    message(Encoding::Cdr, input);
+    message(Encoding::Protobuf, input);
+}
+
+fn message(encoding: Encoding, input: &[u8]) {
+    let _time = messages::timestamp_s(encoding, input);
     for kind in [Kind::Image, Kind::CompressedImage, Kind::CameraInfo, Kind::Other] {
-        let _told = Sample::of(kind, input);
+        let _told = Sample::of(encoding, kind, input);
     }
-    if let Ok(image) = RawImage::read(input) {
+    if let Ok(image) = RawImage::read(encoding, input) {
         assert!(image.data.len() <= input.len(), "more data than the message has");
         if let Ok(depth) = images::depth(&image, None) {
             let is_depth = |&d: &f32| d.is_finite() && d >= 0.0;
@@ -21,11 +26,11 @@ pub fn ros_message(input: &[u8]) {
         }
         let _color = images::color(&image);
     }
-    if let Ok(image) = CompressedImage::read(input) {
+    if let Ok(image) = CompressedImage::read(encoding, input) {
         let _color = images::compressed_color(&image);
         let _depth = images::compressed_depth(&image, None);
     }
-    if let Ok(info) = CameraInfo::read(input)
+    if let Ok(info) = CameraInfo::read(encoding, input)
         && let Ok(camera) = camera_info::camera(&info, false)
     {
         assert!(camera.fx > 0.0 && camera.fy > 0.0, "{camera:?}");

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::error::{Note, RecordingError};
-use super::messages::{self, Kind, Sample};
+use super::messages::{self, Encoding, Kind, Sample};
 use super::topics::TopicSummary;
 
 /// How many damaged parts are reported.
@@ -64,6 +64,11 @@ pub(super) struct Topic {
 }
 
 impl Topic {
+    /// How its messages are encoded.
+    pub(super) fn encoding(&self) -> Encoding {
+        Encoding::of(&self.encoding)
+    }
+
     pub(super) fn summary(&self) -> TopicSummary {
         let Self { name, type_name, encoding, count, sample, .. } = self;
         TopicSummary {
@@ -126,13 +131,13 @@ impl Index {
             Kind::Image | Kind::CompressedImage | Kind::CameraInfo => {}
         }
         if topic.messages.is_empty() {
-            topic.sample = Sample::of(topic.kind, head);
+            topic.sample = Sample::of(topic.encoding(), topic.kind, head);
         }
         if topic.messages.len() == MOST_MESSAGES {
             self.is_cut.insert(topic.name.clone());
             return;
         }
-        let timestamp_s = messages::timestamp_s(head).unwrap_or(recorded_s);
+        let timestamp_s = messages::timestamp_s(topic.encoding(), head).unwrap_or(recorded_s);
         topic.messages.push(Message { timestamp_s, place });
     }
 

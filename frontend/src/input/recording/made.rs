@@ -1,6 +1,8 @@
 //! ROS 2 messages as bytes, for tests and for the corpus of the fuzz target: CDR, little endian.
 //!
-//! Built for tests and with the feature `fuzzing` only; it writes no files.
+//! Built for tests and with the feature `fuzzing` only; it writes no files. `foxglove` has Foxglove's.
+
+pub mod foxglove;
 
 /// A message that is written field by field.
 #[derive(Debug)]
@@ -119,6 +121,9 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ("depth-compressed", compressed_image(1.0, "", "16UC1; compressedDepth png", &packed)),
         ("depth-by-its-inverse", compressed_image(1.0, "", "32FC1; compressedDepth png", &packed)),
         ("camera", camera_info("color", size, "plumb_bob", camera, &[0.1, -0.2, 0.0, 0.0, 0.3])),
+        ("foxglove-depth", foxglove::raw_image(1.0, "depth", "16UC1", size, &[220, 5, 0, 0])),
+        ("foxglove-color", foxglove::compressed_image(1.0, "color", "png", &png)),
+        ("foxglove-camera", foxglove::camera_calibration("", size, "plumb_bob", camera, &[0.1])),
         ("camera-rational", camera_info("color", size, "rational_polynomial", camera, &[0.1; 8])),
     ]
 }

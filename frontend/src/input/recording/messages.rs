@@ -1,4 +1,4 @@
-//! The ROS 2 messages that are read, from CDR: images, compressed images, cameras, and the header that
+//! The messages that are read: those of ROS 2 from CDR here, those of Foxglove by [`super::foxglove`]: images, compressed images, cameras, and the header that
 //! they begin with. Fields and their order are those of `std_msgs` and `sensor_msgs`.
 //!
 //! Data are borrowed from the message. What pixels mean is for `images`, what a camera means for
@@ -6,6 +6,7 @@
 
 use super::cdr::Cdr;
 use super::error::MessageError;
+use super::foxglove;
 
 /// What a topic's messages are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,14 +14,31 @@ pub(super) enum Kind {
     Image,
     CompressedImage,
     CameraInfo,
-    /// Something else, or something that is not CDR.
+    /// Something else, or something in another encoding.
     Other,
+}
+
+/// How the messages of a topic are encoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    /// ROS 2.
+    Cdr,
+    /// Foxglove.
+    Protobuf,
+}
+
+impl Encoding {
+    /// By its name in the recording; what has neither's has no messages that are read.
+    pub(super) fn of(name: &str) -> Self {
+        if name == "protobuf" { Self::Protobuf } else { Self::Cdr }
+    }
 }
 
 impl Kind {
     /// By the names of the type and of the encoding.
     pub(super) fn of(type_name: &str, encoding: &str) -> Self {
         match type_name {
+            _ if encoding == "protobuf" => foxglove::kind(type_name),
             _ if encoding != "cdr" => Self::Other,
             "sensor_msgs/msg/Image" => Self::Image,
             "sensor_msgs/msg/CompressedImage" => Self::CompressedImage,
@@ -52,8 +70,11 @@ fn stamp(cdr: &mut Cdr<'_>) -> Result<Option<f64>, MessageError> {
 }
 
 /// The time in the header of a message of which the beginning is known, seconds.
-pub(super) fn timestamp_s(head: &[u8]) -> Option<f64> {
-    stamp(&mut Cdr::new(head).ok()?).ok().flatten()
+pub(super) fn timestamp_s(encoding: Encoding, head: &[u8]) -> Option<f64> {
+    match encoding {
+        Encoding::Cdr => stamp(&mut Cdr::new(head).ok()?).ok().flatten(),
+        Encoding::Protobuf => foxglove::timestamp_s(head),
+    }
 }
 
 /// What the beginning of an image says.
@@ -68,7 +89,10 @@ pub(super) struct Sample {
 
 impl Sample {
     /// From the first bytes of a message; what they do not say is left empty.
-    pub(super) fn of(kind: Kind, head: &[u8]) -> Self {
+    pub(super) fn of(encoding: Encoding, kind: Kind, head: &[u8]) -> Self {
+        if encoding == Encoding::Protobuf {
+            return foxglove::sample(kind, head);
+        }
         let read = || -> Result<Self, MessageError> {
             let mut cdr = Cdr::new(head)?;
             let frame_id = Header::read(&mut cdr)?.frame_id.to_owned();
@@ -105,7 +129,10 @@ pub(super) struct RawImage<'a> {
 }
 
 impl<'a> RawImage<'a> {
-    pub(super) fn read(message: &'a [u8]) -> Result<Self, MessageError> {
+    pub(super) fn read(encoding: Encoding, message: &'a [u8]) -> Result<Self, MessageError> {
+        if encoding == Encoding::Protobuf {
+            return foxglove::raw_image(message);
+        }
         let mut cdr = Cdr::new(message)?;
         Header::read(&mut cdr)?;
         Ok(Self {
@@ -127,7 +154,10 @@ pub(super) struct CompressedImage<'a> {
 }
 
 impl<'a> CompressedImage<'a> {
-    pub(super) fn read(message: &'a [u8]) -> Result<Self, MessageError> {
+    pub(super) fn read(encoding: Encoding, message: &'a [u8]) -> Result<Self, MessageError> {
+        if encoding == Encoding::Protobuf {
+            return foxglove::compressed_image(message);
+        }
         let mut cdr = Cdr::new(message)?;
         Header::read(&mut cdr)?;
         Ok(Self { format: cdr.text("format")?, data: cdr.bytes("data")? })
@@ -149,7 +179,10 @@ pub(super) struct CameraInfo<'a> {
 }
 
 impl<'a> CameraInfo<'a> {
-    pub(super) fn read(message: &'a [u8]) -> Result<Self, MessageError> {
+    pub(super) fn read(encoding: Encoding, message: &'a [u8]) -> Result<Self, MessageError> {
+        if encoding == Encoding::Protobuf {
+            return foxglove::camera_calibration(message);
+        }
         let mut cdr = Cdr::new(message)?;
         Header::read(&mut cdr)?;
         for field in ["height", "width"] {

@@ -1,4 +1,4 @@
-//! Recordings of ROS 2 as a source of frames: MCAP files, and rosbag2 folders of MCAP or SQLite files.
+//! Recordings of ROS 2 and Foxglove as a source of frames: MCAP files, and rosbag2 folders of MCAP or SQLite files.
 //!
 //! One pass over the files makes an index of times and places; frames are then read one by one, so that a
 //! recording may be larger than memory. Topics are found by type and name, or named by the caller. Images
@@ -12,6 +12,7 @@
 //! | `index` | topics, times and places |
 //! | `topics` | which topics are color, depth and camera |
 //! | `cdr`, `messages` | ROS 2 messages from bytes |
+//! | `protobuf`, `foxglove` | Foxglove's messages from bytes |
 //! | `images`, `camera_info` | what pixels and lenses mean |
 //! | `source` | the frames |
 //! | `error` | what is wrong with a recording or a message, and what the caller should know |
@@ -20,6 +21,7 @@ mod bag;
 mod camera_info;
 mod cdr;
 mod error;
+mod foxglove;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(super) mod fuzzing;
 mod images;
@@ -27,6 +29,7 @@ mod index;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod made;
 mod messages;
+mod protobuf;
 mod source;
 mod storage;
 mod topics;
@@ -133,7 +136,7 @@ fn camera_of(
     };
     // image_pipeline calls the rectified image of `image_raw` so.
     let is_rectified = images.name.split('/').any(|part| part.starts_with("image_rect"));
-    let message = CameraInfo::read(files.read(first.place)?).map_err(failed)?;
+    let message = CameraInfo::read(info.encoding(), files.read(first.place)?).map_err(failed)?;
     camera_info::camera(&message, is_rectified).map_err(failed)
 }
 

@@ -9,7 +9,7 @@ use covis_solvers::geometry::PinholeRadialTangential;
 use super::error::{MessageError, Note, RecordingError};
 use super::images;
 use super::index::{Message, Place, Topic};
-use super::messages::{CompressedImage, Kind, RawImage};
+use super::messages::{CompressedImage, Encoding, Kind, RawImage};
 use super::storage::Storage;
 use crate::image::{Image, RgbdFrame};
 use crate::input::folder::{ImplausibleDepth, SCALE_IMAGES};
@@ -57,6 +57,7 @@ struct Pair {
 struct Images {
     name: String,
     is_compressed: bool,
+    encoding: Encoding,
 }
 
 /// The frames of a recording.
@@ -125,6 +126,7 @@ impl RecordedFrames {
         let [color, depth] = [color, depth].map(|topic| Images {
             name: topic.name.clone(),
             is_compressed: topic.kind == Kind::CompressedImage,
+            encoding: topic.encoding(),
         });
         Ok(Self { camera, files, color, depth, units_per_m, pairs, next: 0, size: None })
     }
@@ -137,7 +139,7 @@ impl RecordedFrames {
         let mut values = Vec::new();
         for pair in self.pairs.iter().take(SCALE_IMAGES) {
             let message = self.files.read(pair.depth.place).ok()?;
-            let image = images::units(&RawImage::read(message).ok()?).ok()?;
+            let image = images::units(&RawImage::read(self.depth.encoding, message).ok()?).ok()?;
             let measured = |value: &u16| ![0, u16::MAX].contains(value);
             values.extend(image.pixels().iter().copied().filter(measured));
         }
@@ -145,27 +147,28 @@ impl RecordedFrames {
     }
 
     fn color(&mut self, message: Message) -> Result<Image<[u8; 3]>, FrameError> {
-        let read = |bytes: &[u8], is_compressed| {
+        let Images { is_compressed, encoding, .. } = self.color;
+        let read = |bytes: &[u8]| {
             if is_compressed {
-                images::compressed_color(&CompressedImage::read(bytes)?)
+                images::compressed_color(&CompressedImage::read(encoding, bytes)?)
             } else {
-                images::color(&RawImage::read(bytes)?)
+                images::color(&RawImage::read(encoding, bytes)?)
             }
         };
-        let image = read(self.files.read(message.place)?, self.color.is_compressed);
+        let image = read(self.files.read(message.place)?);
         image.map_err(|source| self.failed(&self.color.name, message, source))
     }
 
     fn depth(&mut self, message: Message) -> Result<Image<f32>, FrameError> {
-        let read = |bytes: &[u8], is_compressed, units_per_m| {
-            if is_compressed {
-                images::compressed_depth(&CompressedImage::read(bytes)?, units_per_m)
+        let (Images { is_compressed, encoding, .. }, units_per_m) = (&self.depth, self.units_per_m);
+        let read = |bytes: &[u8]| {
+            if *is_compressed {
+                images::compressed_depth(&CompressedImage::read(*encoding, bytes)?, units_per_m)
             } else {
-                images::depth(&RawImage::read(bytes)?, units_per_m)
+                images::depth(&RawImage::read(*encoding, bytes)?, units_per_m)
             }
         };
-        let bytes = self.files.read(message.place)?;
-        let image = read(bytes, self.depth.is_compressed, self.units_per_m);
+        let image = read(self.files.read(message.place)?);
         image.map_err(|source| self.failed(&self.depth.name, message, source))
     }
 
