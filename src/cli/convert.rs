@@ -31,7 +31,8 @@ const PATH_COLOR: [u8; 3] = [220, 80, 40];
 /// Arguments of `covis convert`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The file, or a folder with a COLMAP sparse model.
+    /// The file, a folder with a COLMAP sparse model, or a recording of ROS 2 with poses, as PATH or
+    /// PATH:TOPIC.
     input: PathBuf,
     /// The file to write; a folder for COLMAP.
     output: PathBuf,
@@ -143,6 +144,11 @@ fn numbers(input: &Input) -> &'static str {
 
 fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
     let path = &args.input;
+    if args.from.is_none()
+        && let Some(trajectory) = formats::read_recorded(path)?
+    {
+        return Ok((Format::Trajectory(TrajectoryFormat::Tum), Input::Trajectory(trajectory)));
+    }
     let told = match args.from {
         None if path.is_dir() => {
             Some(ColmapEncoding::of_folder(path).map(Format::Colmap).with_context(|| {

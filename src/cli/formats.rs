@@ -2,7 +2,7 @@
 //!
 //! The list is [`covis_solvers::io::format::FORMATS`]; nothing here knows what a file contains.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{anyhow, bail};
 use clap::builder::TypedValueParser;
@@ -14,6 +14,7 @@ use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use fs_err as fs;
 
 use super::choices::choice_of;
+use crate::frontend::input::recording::{self, is_bag};
 
 /// Takes one of the formats that are read.
 pub(super) fn readable() -> impl TypedValueParser<Value = Format> {
@@ -34,13 +35,47 @@ pub(super) fn of_trajectories() -> impl TypedValueParser<Value = TrajectoryForma
     }))
 }
 
+/// A recording of ROS 2 as an argument names it: PATH, or PATH:TOPIC.
+fn named_recording(argument: &Path) -> Option<(PathBuf, Option<String>)> {
+    let is_recording = |path: &Path| {
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        matches!(extension, Some("mcap" | "db3")) || path.is_dir() && is_bag(path)
+    };
+    if is_recording(argument) {
+        return Some((argument.to_owned(), None));
+    }
+    let (path, topic) = argument.to_str()?.rsplit_once(':')?;
+    is_recording(Path::new(path)).then(|| (path.into(), Some(topic.to_owned())))
+}
+
+/// The trajectory of a topic of a recording, where the argument names a recording.
+pub(super) fn read_recorded(argument: &Path) -> anyhow::Result<Option<Trajectory>> {
+    let Some((path, topic)) = named_recording(argument) else { return Ok(None) };
+    let (trajectory, topic, left_out) = recording::read_trajectory(&path, topic.as_deref())?;
+    tracing::info!("{}: the trajectory of {topic}", path.display());
+    if left_out > 0 {
+        tracing::warn!(
+            "{}: {left_out} messages of {} are no poses or repeat a time, and are left out",
+            path.display(),
+            topic.name
+        );
+    }
+    if trajectory.is_empty() {
+        bail!("{}: no message of {} has a pose", path.display(), topic.name);
+    }
+    Ok(Some(trajectory))
+}
+
 /// Reads a trajectory in the given format, else in the one that its name or first line tells; says
-/// which.
+/// which. Of a recording of ROS 2 it is TUM's, whose times and frames are the same.
 /// Fails for what cannot be read, for files of other contents and for those without poses.
 pub(super) fn read_trajectory(
     path: &Path,
     format: Option<TrajectoryFormat>,
 ) -> anyhow::Result<(Trajectory, TrajectoryFormat)> {
+    if let Some(trajectory) = read_recorded(path)? {
+        return Ok((trajectory, TrajectoryFormat::Tum));
+    }
     let bytes = fs::read(path)?;
     let format = match format.map_or_else(|| Format::of_file(path, &bytes), Format::Trajectory) {
         Format::Trajectory(format) => format,

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 use covis::frontend::image::RgbdFrame;
-use covis::frontend::input::fuzzing::ros_messages::{camera_info, foxglove, image};
+use covis::frontend::input::fuzzing::ros_messages::{camera_info, foxglove, image, pose};
 use covis::frontend::input::{FolderOptions, open_folder};
 use covis_solvers::testing::{data, skip};
 use fs_err as fs;
@@ -274,4 +274,59 @@ fn a_bag_of_a_recorded_sequence_gives_its_trajectory_to_the_bit() {
     let kept: Vec<&str> = list.lines().filter(is_kept).collect();
     fs::write(seq.join("rgb.txt"), kept.join("\n")).unwrap();
     assert_eq!(found, track(&workspace, "tum:seq", KINECT).0);
+}
+
+#[test]
+fn the_poses_of_a_topic_are_a_trajectory_to_compare_and_to_convert() {
+    let workspace = Workspace::new();
+    let options = mcap::WriteOptions::new().profile("ros2");
+    let path = workspace.path("walk.mcap");
+    let mut writer = options.create(fs::File::create(&path).unwrap()).unwrap();
+    let mut channel = |topic: &str, kind: &str| {
+        let schema = writer.add_schema(kind, "ros2msg", b"").unwrap();
+        writer.add_channel(schema, topic, "cdr", &Default::default()).unwrap()
+    };
+    let odom = channel("/odom", "nav_msgs/msg/Odometry");
+    let truth = channel("/truth", "geometry_msgs/msg/PoseStamped");
+    let mut text = String::new();
+    for k in 0..20 {
+        let (time_s, x) = (10.0 + f64::from(k) * 0.5, f64::from(k) * 0.25);
+        let values = [x, 0.125 * x * x, 0.0, 0.0, 0.0, 0.0, 1.0];
+        let mut off = values;
+        off[1] += 0.01 * f64::from(k % 2);
+        text.push_str(&format!("{time_s} {} {} 0 0 0 0 1\n", values[0], values[1]));
+        let messages = [
+            (odom, pose(time_s, "odom", Some("base"), off)),
+            (truth, pose(time_s, "map", None, values)),
+            // Some drivers begin with such poses.
+            (truth, pose(time_s + 0.1, "map", None, [0.0; 7])),
+        ];
+        for (channel_id, message) in messages {
+            let header = mcap::records::MessageHeader {
+                channel_id,
+                sequence: 0,
+                log_time: 0,
+                publish_time: 0,
+            };
+            writer.write_to_known_channel(&header, &message).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    workspace.file("truth.txt", &text);
+
+    let ran = workspace.run("convert walk.mcap:/truth out.txt --json", &[]);
+    assert!(ran.stderr.contains("20 messages of /truth are no poses"), "{}", ran.stderr);
+    let errors = workspace.json("eval ape truth.txt out.txt --align none --json", &[]);
+    assert_eq!((number(&errors, "pairs"), number(&errors, "rmse")), (20.0, 0.0));
+    let by_topic = |truth: &str| {
+        let arguments = format!("--log error eval ape {truth} walk.mcap:/odom --align none --json");
+        number(&workspace.json(&arguments, &[]), "rmse")
+    };
+    let rmse = by_topic("truth.txt");
+    assert!((rmse - 0.01 * 0.5_f64.sqrt()).abs() < 1e-9, "{rmse}");
+    assert_eq!(by_topic("walk.mcap:/truth"), rmse);
+    let both = workspace.run("eval ape truth.txt walk.mcap", &[]);
+    both.expect_failure(&["several topics for a trajectory", "PATH:TOPIC", "/odom", "/truth"]);
+    let none = workspace.run("eval ape truth.txt walk.mcap:/none", &[]);
+    none.expect_failure(&["`/none` is not a topic for a trajectory", "nav_msgs/msg/Odometry"]);
 }

@@ -118,10 +118,10 @@ impl Relative {
 
 #[derive(Debug, clap::Args)]
 struct Files {
-    /// The ground truth: a TUM, KITTI or EuRoC file, or a recorded folder with groundtruth.txt (TUM) or
-    /// frame-*.pose.txt (7-Scenes).
+    /// The ground truth: a TUM, KITTI or EuRoC file, a recorded folder with groundtruth.txt (TUM) or
+    /// frame-*.pose.txt (7-Scenes), or a recording of ROS 2 with poses, as PATH or PATH:TOPIC.
     truth: PathBuf,
-    /// The estimated trajectories, each in any frame.
+    /// The estimated trajectories, each in any frame, and in a file or a recording as above.
     #[arg(required = true, value_name = "ESTIMATE")]
     estimates: Vec<PathBuf>,
     /// Format of all files [default: detected from names and first lines].

@@ -48,6 +48,9 @@ pub(super) fn read(
     path: &Path,
     format: Option<TrajectoryFormat>,
 ) -> anyhow::Result<(Trajectory, bool)> {
+    if let Some(trajectory) = formats::read_recorded(path)? {
+        return Ok((trajectory, true));
+    }
     if !path.is_dir() {
         let (trajectory, format) = read_trajectory(path, format)?;
         return Ok((trajectory, format.has_times()));

@@ -311,6 +311,14 @@ pub enum MessageError {
         /// Its value.
         value: f64,
     },
+    /// A number of a pose cannot be one.
+    #[error("{field} is {value}, which no pose has")]
+    Pose {
+        /// Which number.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+    },
     /// The image is a part of the sensor or is binned, and the intrinsics are those of the whole.
     #[error("the camera's image is binned or a part of the sensor's (roi), which is not supported")]
     Binned,

@@ -45,7 +45,10 @@ pub(super) fn sample(kind: Kind, head: &[u8]) -> Sample {
             (Kind::Image, 7) | (Kind::CompressedImage, 4) | (Kind::CameraInfo, 9) => {
                 sample.frame_id = text();
             }
-            (Kind::Image | Kind::CompressedImage | Kind::CameraInfo | Kind::Other, _) => {}
+            (
+                Kind::Image | Kind::CompressedImage | Kind::CameraInfo | Kind::Pose | Kind::Other,
+                _,
+            ) => {}
         }
     }
     let size = (width as usize, height as usize);

@@ -4,18 +4,28 @@
 //! promise is broken.
 
 use super::messages::{self, CameraInfo, CompressedImage, Encoding, Kind, RawImage, Sample};
-use super::{camera_info, images};
+use super::{camera_info, images, poses};
 use crate::camera::FrameCamera;
 
 /// A message of ROS 2 or Foxglove, as each of those that are read.
 pub fn ros_message(input: &[u8]) {
     message(Encoding::Cdr, input);
     message(Encoding::Protobuf, input);
+    pose(input);
+}
+
+/// As [`ros_message`]: the pose of a message has a finite position.
+fn pose(input: &[u8]) {
+    for type_name in ["nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped"] {
+        if let Ok(pose) = poses::pose(type_name, input) {
+            assert!(pose.translation.iter().all(|value| value.is_finite()), "{pose:?}");
+        }
+    }
 }
 
 fn message(encoding: Encoding, input: &[u8]) {
     let _time = messages::timestamp_s(encoding, input);
-    for kind in [Kind::Image, Kind::CompressedImage, Kind::CameraInfo, Kind::Other] {
+    for kind in [Kind::Image, Kind::CompressedImage, Kind::CameraInfo, Kind::Pose, Kind::Other] {
         let _told = Sample::of(encoding, kind, input);
     }
     if let Ok(image) = RawImage::read(encoding, input) {

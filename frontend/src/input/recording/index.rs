@@ -57,7 +57,7 @@ pub(super) struct Topic {
     pub(super) kind: Kind,
     /// All messages.
     pub(super) count: u64,
-    /// Those that may be read: all images, and the first message about a camera.
+    /// Those that may be read: all images and poses, and the first message about a camera.
     pub(super) messages: Vec<Message>,
     /// What the first message says.
     pub(super) sample: Sample,
@@ -128,7 +128,7 @@ impl Index {
         match topic.kind {
             Kind::Other => return,
             Kind::CameraInfo if !topic.messages.is_empty() => return,
-            Kind::Image | Kind::CompressedImage | Kind::CameraInfo => {}
+            Kind::Image | Kind::CompressedImage | Kind::CameraInfo | Kind::Pose => {}
         }
         if topic.messages.is_empty() {
             topic.sample = Sample::of(topic.encoding(), topic.kind, head);

@@ -61,6 +61,16 @@ pub fn image(
     writer.message()
 }
 
+/// A pose of this time (s) as x, y, z and the quaternion x, y, z, w; of a message that names its body, with that name.
+/// Covariances, which come behind it, are left out.
+#[must_use]
+pub fn pose(timestamp_s: f64, frame_id: &str, child: Option<&str>, values: [f64; 7]) -> Vec<u8> {
+    let mut writer = Writer::new(timestamp_s, frame_id);
+    child.into_iter().for_each(|child| writer.text(child));
+    values.into_iter().for_each(|value| writer.number(value.to_le_bytes()));
+    writer.message()
+}
+
 /// `sensor_msgs/msg/CompressedImage`, of this time (s).
 #[must_use]
 pub fn compressed_image(timestamp_s: f64, frame_id: &str, format: &str, data: &[u8]) -> Vec<u8> {
@@ -124,6 +134,7 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ("foxglove-depth", foxglove::raw_image(1.0, "depth", "16UC1", size, &[220, 5, 0, 0])),
         ("foxglove-color", foxglove::compressed_image(1.0, "color", "png", &png)),
         ("foxglove-camera", foxglove::camera_calibration("", size, "plumb_bob", camera, &[0.1])),
+        ("odometry", pose(1.0, "odom", Some("base"), [1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8])),
         ("camera-rational", camera_info("color", size, "rational_polynomial", camera, &[0.1; 8])),
     ]
 }

@@ -6,7 +6,7 @@
 
 use super::cdr::Cdr;
 use super::error::MessageError;
-use super::foxglove;
+use super::{foxglove, poses};
 
 /// What a topic's messages are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +14,8 @@ pub(super) enum Kind {
     Image,
     CompressedImage,
     CameraInfo,
+    /// One of those that have a pose.
+    Pose,
     /// Something else, or something in another encoding.
     Other,
 }
@@ -43,6 +45,7 @@ impl Kind {
             "sensor_msgs/msg/Image" => Self::Image,
             "sensor_msgs/msg/CompressedImage" => Self::CompressedImage,
             "sensor_msgs/msg/CameraInfo" => Self::CameraInfo,
+            _ if poses::has_pose(type_name) => Self::Pose,
             _ => Self::Other,
         }
     }
@@ -57,7 +60,7 @@ pub(super) struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
-    fn read(cdr: &mut Cdr<'a>) -> Result<Self, MessageError> {
+    pub(super) fn read(cdr: &mut Cdr<'a>) -> Result<Self, MessageError> {
         let timestamp_s = stamp(cdr)?;
         Ok(Self { timestamp_s, frame_id: cdr.text("header.frame_id")? })
     }
@@ -109,7 +112,7 @@ impl Sample {
                     let (height, width) = (cdr.u32("height")? as usize, cdr.u32("width")? as usize);
                     Self { frame_id, encoding: String::new(), size: Some((width, height)) }
                 }
-                Kind::Other => Self::default(),
+                Kind::Pose | Kind::Other => Self { frame_id, ..Self::default() },
             })
         };
         read().unwrap_or_default()

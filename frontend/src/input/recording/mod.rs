@@ -15,6 +15,7 @@
 //! | `protobuf`, `foxglove` | Foxglove's messages from bytes |
 //! | `images`, `camera_info` | what pixels and lenses mean |
 //! | `source` | the frames |
+//! | `poses` | the trajectory of a topic, in place of frames |
 //! | `error` | what is wrong with a recording or a message, and what the caller should know |
 
 mod bag;
@@ -29,6 +30,7 @@ mod index;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod made;
 mod messages;
+mod poses;
 mod protobuf;
 mod source;
 mod storage;
@@ -39,6 +41,7 @@ use std::path::Path;
 use covis_solvers::geometry::PinholeRadialTangential;
 
 pub use error::{Fault, MessageError, Note, RecordingError};
+pub use poses::read_trajectory;
 pub use topics::{Role, TopicNames, TopicSummary};
 
 use super::error::InputError;

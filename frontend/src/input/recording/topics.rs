@@ -20,6 +20,8 @@ pub enum Role {
     Depth,
     /// The camera of both.
     Camera,
+    /// Poses.
+    Trajectory,
 }
 
 impl Role {
@@ -29,6 +31,7 @@ impl Role {
             Self::Color => "--color-topic",
             Self::Depth => "--depth-topic",
             Self::Camera => "--camera-info-topic",
+            Self::Trajectory => "PATH:TOPIC",
         }
     }
 
@@ -44,6 +47,10 @@ impl Role {
                  compressedDepth"
             }
             Self::Camera => "sensor_msgs/msg/CameraInfo; --camera gives the numbers instead",
+            Self::Trajectory => {
+                "nav_msgs/msg/Odometry, or PoseStamped, PoseWithCovarianceStamped or TransformStamped of \
+                 geometry_msgs"
+            }
         }
     }
 
@@ -55,8 +62,11 @@ impl Role {
             (Self::Color, Kind::CompressedImage) => !images::is_compressed_depth(encoding),
             (Self::Depth, Kind::Image) => images::is_depth(encoding),
             (Self::Depth, Kind::CompressedImage) => images::is_compressed_depth(encoding),
-            (Self::Camera, Kind::CameraInfo) => true,
-            (_, Kind::Image | Kind::CompressedImage | Kind::CameraInfo | Kind::Other) => false,
+            (Self::Camera, Kind::CameraInfo) | (Self::Trajectory, Kind::Pose) => true,
+            (
+                _,
+                Kind::Image | Kind::CompressedImage | Kind::CameraInfo | Kind::Pose | Kind::Other,
+            ) => false,
         }
     }
 }
@@ -67,6 +77,7 @@ impl fmt::Display for Role {
             Self::Color => "color",
             Self::Depth => "depth",
             Self::Camera => "the camera",
+            Self::Trajectory => "a trajectory",
         })
     }
 }
@@ -93,7 +104,7 @@ impl fmt::Display for TopicSummary {
         let Self { name, type_name, serialization, count, pixels, size } = self;
         let plural = if *count == 1 { "" } else { "s" };
         write!(f, "{name}: {type_name}, {count} message{plural}")?;
-        if serialization != "cdr" {
+        if !["cdr", "protobuf"].contains(&serialization.as_str()) {
             write!(f, " in {serialization}, which is not read")?;
         }
         if !pixels.is_empty() {
@@ -123,6 +134,15 @@ pub(super) fn images<'a>(
     let color = choose(path, topics, Role::Color, names.color, color_score)?;
     let score = |topic: &Topic| depth_score(topic, color);
     Ok((color, choose(path, topics, Role::Depth, names.depth, score)?))
+}
+
+/// The topic of a trajectory: the named one, else the only one that has poses.
+pub(super) fn trajectory<'a>(
+    path: &Path,
+    topics: &'a [Topic],
+    named: Option<&str>,
+) -> Result<&'a Topic, RecordingError> {
+    choose(path, topics, Role::Trajectory, named, |_| 0)
 }
 
 /// The topic of a camera: the named one, else `camera_info` beside the images, else the only one.
@@ -228,6 +248,7 @@ mod tests {
             Kind::Image => "sensor_msgs/msg/Image",
             Kind::CompressedImage => "sensor_msgs/msg/CompressedImage",
             Kind::CameraInfo => "sensor_msgs/msg/CameraInfo",
+            Kind::Pose => "nav_msgs/msg/Odometry",
             Kind::Other => "sensor_msgs/msg/Imu",
         };
         let sample = Sample {
