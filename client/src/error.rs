@@ -132,11 +132,10 @@ impl ClientError {
     /// The error without the name of the call, which is nothing to whoever called by a command.
     #[must_use]
     pub fn without_call(&self) -> String {
-        match self {
-            Self::Rpc { status, .. } => describe(status),
-            Self::Protocol { what, .. } => (*what).to_owned(),
-            other => other.to_string(),
+        if let Self::Rpc { status, .. } = self {
+            return describe(status);
         }
+        if let Self::Protocol { what, .. } = self { (*what).to_owned() } else { self.to_string() }
     }
 
     /// What a call ended with.
