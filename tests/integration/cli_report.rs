@@ -141,7 +141,12 @@ fn a_job_shows_its_report() {
     job("submit optimize-pose-graph --map sphere --id night --wait");
     let shown = job("show night --report night.html");
     let html = page(&workspace.path("night.html"));
-    assert_eq!(sections(&html), ["Summary", "Report", "Cost", "Residuals"]);
+    let expected = ["Summary", "Report", "Keyframes of import", "Cost", "Residuals"];
+    assert_eq!(sections(&html), expected);
+    assert!(html.contains("<p class=\"verdict\">The job succeeded: cost "), "{html}");
+    let moved = &shown["report"]["trajectories"][0];
+    assert_eq!(moved["before"].as_array().map(Vec::len), Some(200));
+    assert_ne!(moved["before"], moved["after"]);
     let cost = format!("{:.10e}", shown["cost_after"].as_f64().unwrap());
     assert!(html.contains(&cost) && html.contains("<h1>Job night</h1>"), "{cost}");
 }

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::document::{Document, lines};
 use crate::cli::html;
 use crate::cli::html::solve::{Iteration, cost};
-use crate::report::{Page, Table, number};
+use crate::report::{Page, Plan, Table, number, views};
 
 /// The page of a job.
 pub(super) fn page(job: &Document) -> Page {
@@ -64,6 +64,7 @@ fn of_problem(page: &mut Page, report: &Value) {
     let mut figures = Vec::new();
     flatten("", report, &mut figures);
     page.table(&Table::new("Figures", &["name", "value"], figures));
+    trajectories(page, report);
     let list = |key: &str| report[key].as_array().map_or(&[][..], Vec::as_slice);
     let row = |row: &Value| Iteration::deserialize(row).ok();
     let iterations: Vec<Iteration> = list("iterations").iter().filter_map(row).collect();
@@ -87,6 +88,33 @@ fn of_problem(page: &mut Page, report: &Value) {
         page.section("Residuals");
         let head = ["residuals", "count", "rms before", "rms after", "reduced chi2", "outliers"];
         page.table(&Table::new("Before and after the solve", &head, rows));
+    }
+}
+
+/// Where the keyframes of each client were, and where they are, colored by how far they moved.
+fn trajectories(page: &mut Page, report: &Value) {
+    let clients = report["trajectories"].as_array().map_or(&[][..], Vec::as_slice);
+    for client in clients {
+        let positions = |key: &str| Vec::<[f64; 3]>::deserialize(&client[key]).ok();
+        let Some((before, after)) = positions("before").zip(positions("after")) else { continue };
+        let moved = before.iter().zip(&after).map(|(a, b)| {
+            let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
+            squares.sum::<f64>().sqrt()
+        });
+        let moved: Vec<f64> = moved.collect();
+        let name = client["client"].as_str().unwrap_or_default();
+        page.section(&format!("Keyframes of {name}"));
+        let plan = Plan {
+            name: "Keyframes after the job",
+            positions: &after,
+            errors: &moved,
+            error_name: "how far they moved, m",
+            is_path: true,
+            reference: Some(("where they were before", &before)),
+            points: &[],
+            links: &[],
+        };
+        page.row(&views(&plan), &[]);
     }
 }
 

@@ -11,10 +11,11 @@ use covis_solvers::geometry::Se3;
 use covis_solvers::io::reading::{Content, FileCounts};
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat, seconds_of_nanoseconds};
 use covis_solvers::optimizer;
-use serde_json::json;
+use serde_json::{Value, json};
 use tokio::sync::mpsc;
 
 use super::entry::files_bytes;
+use super::moved::Positions;
 use super::progress::{StagesLeft, TimeLeft};
 use super::reading::admit;
 use super::run::{Made, Run, add_file, next_output, pause};
@@ -129,6 +130,15 @@ async fn solved(
     }
 }
 
+/// Adds where keyframes were and are. A map that is gone by now does not make a job fail that was applied.
+async fn tell_moved(run: &Run<'_>, map_id: &str, before: Positions, report: &mut Value) {
+    if let Ok(map) = run.map(map_id)
+        && let Ok(now) = map.snapshot().await
+    {
+        before.tell(&now, report);
+    }
+}
+
 /// `OptimizeMap`.
 pub(super) async fn optimize(
     run: &Run<'_>,
@@ -153,6 +163,7 @@ pub(super) async fn optimize(
             progress.time_left_s = time_left_s;
         });
     };
+    let before = Positions::of(&*run.map(&map_id)?.snapshot().await?);
     let outcome = match solved(run, &map_id, options, "optimizes the map", on_step).await? {
         SolvedMap::Now(outcome) => outcome,
         SolvedMap::Before(applied) => {
@@ -174,6 +185,7 @@ pub(super) async fn optimize(
         "switched_off_constraints": result.switched_off_constraint_count,
     });
     report::join(&mut report, report::solve(result.summary.as_ref(), &rows));
+    tell_moved(run, &map_id, before, &mut report).await;
     Ok(Made { costs, ..Made::new(Kind::OptimizeMap(result), report) })
 }
 
@@ -189,6 +201,7 @@ pub(super) async fn rebuild(run: &Run<'_>, map_id: &str) -> Result<Made, Service
             run.tell(|progress| stages.show(&step, "rebuilds the map", progress));
         }
     };
+    let before = Positions::of(&*run.map(map_id)?.snapshot().await?);
     let outcome = match solved(run, map_id, options, "rebuilds the map", on_step).await? {
         SolvedMap::Now(outcome) => outcome,
         SolvedMap::Before(applied) => {
@@ -203,6 +216,7 @@ pub(super) async fn rebuild(run: &Run<'_>, map_id: &str) -> Result<Made, Service
     report::join(&mut report, report::reconstruction(outcome.rebuilt.as_ref()));
     let rows = to_iterations(&outcome.certificate.solve, true);
     report::join(&mut report, report::solve(Some(&summary), &rows));
+    tell_moved(run, map_id, before, &mut report).await;
     let result = Kind::Reconstruct(v1::ReconstructResult {
         revision: outcome.revision,
         summary: Some(summary),

@@ -21,7 +21,7 @@
 //! | `worker` | the process that solves problems of servers, behind the feature `cluster` |
 //! | `checkpoints` | solves of problem files on their way |
 //! | `progress` | how much longer a solve takes |
-//! | `report` | what is kept of a job's work as JSON |
+//! | `report`, `moved` | what is kept of a job's work as JSON, and where keyframes were before and after |
 //!
 //! No mathematics here: solves are those of the engine and of the solver crate.
 
@@ -31,6 +31,7 @@ mod download;
 mod entry;
 mod maps;
 mod meters;
+mod moved;
 mod problems;
 mod progress;
 mod reading;
