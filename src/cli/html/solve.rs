@@ -46,7 +46,10 @@ pub(in crate::cli) fn cost(page: &mut Page, rows: &[Iteration]) {
         ),
         lines(described("Cost over time", "time, s"), Span::OfValues, &[line(|r| r.seconds)]),
     ];
-    page.row(&pictures, &[]);
+    // A solve that begins at its optimum has nothing to draw.
+    if rows.iter().any(|row| row.cost > last) {
+        page.row(&pictures, &[]);
+    }
     let cells = |row: &Iteration| {
         vec![
             row.iteration.to_string(),
