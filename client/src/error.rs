@@ -4,6 +4,7 @@
 //! the transport, whose codes for a broken link vary (docs/wire.md, "Errors"). Whether a call may be
 //! repeated is decided here and nowhere else.
 
+use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -160,7 +161,9 @@ impl ClientError {
 
     /// Whether trying again may help: the link broke, or the server is full or shutting down.
     pub(super) fn is_transient(&self) -> bool {
-        let Some(status) = self.status() else { return matches!(self, Self::Unreachable { .. }) };
+        let Some(status) = self.status() else {
+            return matches!(self, Self::Unreachable { source, .. } if !is_refused_by_tls(&**source));
+        };
         let code = status.code();
         if reason(status).is_some() {
             return matches!(code, Code::Unavailable | Code::ResourceExhausted);
@@ -185,6 +188,14 @@ impl ClientError {
     pub(super) fn retry_delay(&self) -> Option<Duration> {
         self.status()?.get_details_retry_info()?.retry_delay
     }
+}
+
+/// Whether somebody answers whom TLS does not accept, or who does not speak it: that does not pass.
+fn is_refused_by_tls(source: &(dyn Error + 'static)) -> bool {
+    std::iter::successors(Some(source), |&cause| cause.source()).any(|cause| {
+        let error = cause.downcast_ref::<std::io::Error>();
+        error.is_some_and(|error| error.kind() == std::io::ErrorKind::InvalidData)
+    })
 }
 
 /// `ErrorInfo.reason`, where the server built the status.

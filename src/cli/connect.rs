@@ -15,21 +15,41 @@ use tonic::transport::Channel;
 
 use super::config::Config;
 use super::serve::server_config;
-use crate::client::{Client, Credentials, LinkOptions, RetryPolicy, Token, connect_channel};
+use crate::client::{
+    Client, ClientError, Credentials, LinkOptions, RetryPolicy, Token, connect_channel,
+};
 use crate::service::{RunningServer, Server, ServerConfig};
 
-/// Connects to the server that the configuration names.
-pub(super) async fn connect(config: &Config) -> anyhow::Result<Client> {
-    Ok(Client::connect_with(config.server(), &credentials(config)?).await?)
-}
+/// Longest pause between two tries while a server is not ready.
+const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
-/// As [`connect`], tried again for as long as `retry` allows.
-pub(super) async fn connect_patiently(
-    config: &Config,
-    retry: RetryPolicy,
-) -> anyhow::Result<Client> {
-    let credentials = credentials(config)?;
-    Ok(retry.run(|| Client::connect_with(config.server(), &credentials)).await?)
+/// Connects to the server that the configuration names, once it is ready. While nobody answers there, or
+/// the server still opens its maps, it is asked again for as long as `--server-wait` says. Only this
+/// question is repeated: the calls of a command are made once, to a server that takes them.
+pub(super) async fn connect(config: &Config) -> anyhow::Result<Client> {
+    let (credentials, wait) = (credentials(config)?, config.server_wait());
+    let retry = RetryPolicy {
+        max_attempts: u32::MAX,
+        longest_delay: LONGEST_PAUSE,
+        give_up_after: Some(wait),
+        ..RetryPolicy::default()
+    };
+    let ready = retry.run(|| async {
+        let client = Client::connect_with(config.server(), &credentials).await?;
+        client.server_info().await?;
+        Ok(client)
+    });
+    match ready.await {
+        Ok(client) => Ok(client),
+        // Without a wait, the reason says all.
+        Err(ClientError::RetriesExhausted { last, .. }) if wait.is_zero() => Err((*last).into()),
+        Err(ClientError::RetriesExhausted { last, .. }) => {
+            let (seconds, server) = (wait.as_secs(), config.server());
+            let waited = format!("waited {seconds} s for {server} to be ready");
+            Err(anyhow::Error::new(*last).context(waited))
+        }
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// A channel to the server that the configuration names, for services that ask for no token. Ends where

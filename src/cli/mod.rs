@@ -130,7 +130,11 @@ enum Command {
 pub fn command() -> clap::Command {
     let mut command = Cli::command().args(flags(|setting| setting.get_help_heading() == Some(LOG)));
     for name in ["health", "job", "load", "map", "record", "replay", "run"] {
-        let settings = flags(|setting| setting.get_help_heading() == Some(CONNECTION));
+        let settings = flags(|setting| {
+            // Health answers for this moment.
+            let is_taken = name != "health" || setting.get_id() != "server_wait";
+            is_taken && setting.get_help_heading() == Some(CONNECTION)
+        });
         command = command.mut_subcommand(name, |client| client.args(settings));
     }
     let of_server = flags(|setting| setting.get_help_heading().is_none());

@@ -136,7 +136,12 @@ fn no_server_and_a_wrong_scheme_are_told_with_the_next_step() {
     let workspace = Workspace::new();
     // Nobody listens on a port that was free a moment ago.
     let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    for command in ["map list", "job list", "health", "load --maps 1 --seconds 0.1"] {
+    for command in [
+        "map list --server-wait 0",
+        "job list --server-wait 0",
+        "health",
+        "load --maps 1 --seconds 0.1 --server-wait 0",
+    ] {
         let ran = workspace.run(&format!("{command} --server http://127.0.0.1:{port}"), &[]);
         ran.expect_failure(&["no server answers", "`covis serve` starts one, --server URL"]);
     }

@@ -120,7 +120,9 @@ fn a_job_that_does_not_converge_says_so() {
 #[test]
 fn what_cannot_be_done_is_said_in_one_line() {
     let workspace = Workspace::new();
-    workspace.run("job list --server http://127.0.0.1:1", &[]).expect_failure(&["127.0.0.1:1"]);
+    workspace
+        .run("job list --server-wait 0 --server http://127.0.0.1:1", &[])
+        .expect_failure(&["127.0.0.1:1"]);
     workspace.run("job list --server nonsense", &[]).expect_failure(&["nonsense"]);
     let server = Running::start(&workspace, &workspace.path("data"));
     let run =

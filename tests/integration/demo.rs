@@ -82,7 +82,7 @@ fn maps_are_listed_shown_exported_and_deleted() {
             assert_eq!(workspace.json(&command("delete room --json"), &[])["deleted"], true);
             let list = workspace.json(&command("list --json"), &[]);
             assert_eq!(list, serde_json::json!([]));
-            let nobody = workspace.run("map list --server http://127.0.0.1:1", &[]);
+            let nobody = workspace.run("map list --server-wait 0 --server http://127.0.0.1:1", &[]);
             nobody.expect_failure(&["no server answers"]);
         })
         .await

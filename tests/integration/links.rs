@@ -11,7 +11,7 @@ use std::time::Duration;
 use covis::client::{
     Client, Credentials, LinkOptions, RetryPolicy, SessionOptions, Token, WatchOptions,
 };
-use covis::service::KeepAlive;
+use covis::service::{KeepAlive, Server, ServerConfig};
 use covis::wire::v1;
 use tonic::Code;
 
@@ -161,25 +161,81 @@ fn an_optimized_that_was_lost_with_the_link_is_told_by_the_next_one() {
     });
 }
 
+/// A command that says when it tries again, and waits for a minute.
+fn waiting(workspace: &Workspace, url: &str, arguments: &[&str]) -> Process {
+    let mut command = workspace.command();
+    command.args(["--log", "off,covis_client::retry=debug"]).args(arguments);
+    command.args(["--server", url, "--server-wait", "60"]);
+    Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::piped()))
+}
+
+/// Why a command tries again.
+fn tried(child: &mut Process) -> String {
+    let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
+    let tried = log.find_map(|line| line.ok().filter(|line| line.contains("trying again")));
+    // What else it says must not fill the pipe.
+    std::thread::spawn(move || log.count());
+    tried.unwrap()
+}
+
 #[test]
-fn a_replay_waits_for_a_server_that_is_not_there_yet() {
+fn commands_wait_for_a_server_that_is_not_there_yet() {
     let workspace = Workspace::new();
     let folder = workspace.path("maps");
     let mut server = Running::start(&workspace, &folder);
     server.kill();
-    let mut command = workspace.command();
-    command.args(["--log", "off,covis_client::retry=debug", "replay"]);
-    command.arg(golden("twins/window-6-80.txt"));
-    command.args(["--server", &server.url, "--map", "twin", "--reconnect-for", "60"]);
-    let mut child = Process::spawn(command.stdout(Stdio::piped()).stderr(Stdio::piped()));
-    let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
-    let tried = log.find_map(|line| line.ok().filter(|line| line.contains("trying again")));
-    assert!(tried.unwrap().contains("no server answers"));
+    let file = golden("twins/window-6-80.txt");
+    let replay = ["replay", file.to_str().unwrap(), "--map", "twin"];
+    let commands = [&replay[..], &["map", "list"], &["job", "list"]];
+    let mut children = commands.map(|arguments| waiting(&workspace, &server.url, arguments));
+    for child in &mut children {
+        assert!(tried(child).contains("no server answers"));
+    }
     let _server = server.again(&workspace, &folder);
-    // What else it says must not fill the pipe.
-    std::thread::spawn(move || log.count());
-    let ran = Ran::of(child.output());
-    assert_eq!(ran.code, Some(0), "{}", ran.stdout);
+    for child in children {
+        let ran = Ran::of(child.output());
+        assert_eq!(ran.code, Some(0), "{}", ran.stdout);
+    }
+}
+
+#[test]
+fn a_command_waits_for_a_server_that_still_opens_its_maps() {
+    run(async {
+        let workspace = Workspace::new();
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let url = format!("http://{}", listener.local_addr().unwrap());
+        let starting = Server::listen(listener, ServerConfig::default()).await.unwrap();
+        let at_once = format!("map list --server-wait 0 --server {url}");
+        let (workspace, ran) = blocking(move || {
+            let ran = workspace.run(&at_once, &[]);
+            (workspace, ran)
+        })
+        .await;
+        ran.expect_failure(&["the server still opens its maps"]);
+        assert!(!ran.stderr.contains("waited"), "{}", ran.stderr);
+        let briefly = format!("map list --server-wait 1 --server {url}");
+        let (workspace, ran) = blocking(move || {
+            let ran = workspace.run(&briefly, &[]);
+            (workspace, ran)
+        })
+        .await;
+        let waited = format!("waited 1 s for {url} to be ready");
+        ran.expect_failure(&[&waited, "the server still opens its maps"]);
+        let child = blocking(move || {
+            let mut child = waiting(&workspace, &url, &["map", "list"]);
+            assert!(tried(&mut child).contains("still opens its maps"));
+            (workspace, child)
+        });
+        let (_workspace, child) = child.await;
+        let running = starting.open().await.unwrap();
+        let ran = blocking(move || Ran::of(child.output())).await;
+        assert_eq!((ran.code, ran.stdout.as_str()), (Some(0), "no maps\n"));
+        running.shutdown().await;
+    });
+}
+
+async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    tokio::task::spawn_blocking(work).await.unwrap()
 }
 
 #[test]

@@ -6,6 +6,7 @@
 //! files that settings name are not opened here.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Arg;
 use serde::Deserialize;
@@ -161,7 +162,12 @@ pub struct Config {
     /// File that holds the bearer token; COVIS_TOKEN holds the token itself.
     #[arg(long, value_name = "FILE", help_heading = CONNECTION)]
     pub token_file: Option<PathBuf>,
-    /// Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal].
+    /// Seconds to wait for a server that does not answer yet or still opens its maps; 0 fails at once
+    /// [default: 10].
+    #[arg(long, value_name = "SECONDS", help_heading = CONNECTION)]
+    pub server_wait: Option<u64>,
+    /// Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn
+    /// of commands that do not write to a terminal].
     #[arg(long, value_name = "LEVEL", help_heading = LOG)]
     pub log: Option<String>,
     /// Format of log lines [default: text].
@@ -193,6 +199,12 @@ impl Config {
     #[must_use]
     pub fn server(&self) -> &str {
         self.server.as_deref().unwrap_or("http://127.0.0.1:7411")
+    }
+
+    /// How long commands wait for the server to be ready.
+    #[must_use]
+    pub fn server_wait(&self) -> Duration {
+        Duration::from_secs(self.server_wait.unwrap_or(10))
     }
 
     /// Worker threads of solves.

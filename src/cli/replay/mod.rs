@@ -20,7 +20,7 @@ use tonic::Code;
 
 use super::choices::number;
 use super::config::Config;
-use super::connect::connect_patiently;
+use super::connect::connect;
 use super::output::{print, succeed_if};
 use super::progress::Progress;
 use super::signals::Signals;
@@ -69,7 +69,7 @@ pub(super) struct Args {
     /// Send this many keyframes per second [default: as fast as the server takes them].
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// How long to retry when the server does not answer or disconnects, before giving up.
+    /// How long to retry when the server disconnects, before giving up; --server-wait is for the start.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = seconds)]
     reconnect_for: Duration,
     /// While the server is unreachable, store unsent items that do not fit in memory in a file in
@@ -110,7 +110,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
     };
     let levels = Arc::new(Mutex::new(Levels::default()));
     let work = async {
-        let client = connect_patiently(config, retry).await?;
+        let client = connect(config).await?;
         prepare_map(&client, &map_id, args, retry).await?;
         let report = stream(&client, &map_id, &stem, retry, recording, args, &levels).await?;
         for rejected in report.rejections.iter().take(SHOWN_REJECTIONS) {
