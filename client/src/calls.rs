@@ -75,9 +75,20 @@ impl Client {
         map_id: &str,
         policy: Option<v1::MapPolicy>,
     ) -> Result<v1::Map, ClientError> {
-        const RPC: &str = "CreateMap";
         let map_id = map_id.to_owned();
         let request = v1::CreateMapRequest { map_id, policy, ..v1::CreateMapRequest::default() };
+        self.create_map_with(request).await
+    }
+
+    /// As [`Client::create_map`], with everything that a request can choose.
+    ///
+    /// # Errors
+    /// The codes of `CreateMap`.
+    pub async fn create_map_with(
+        &self,
+        request: v1::CreateMapRequest,
+    ) -> Result<v1::Map, ClientError> {
+        const RPC: &str = "CreateMap";
         let answer = led!(
             self,
             answer(RPC, self.map_service().create_map(self.timed(request.clone())).await)

@@ -13,7 +13,7 @@
 //! | `run`, `fuse`, `volume`, `bench_frontend`, `demo` | the reference frontend and surfaces; `volume` has `mesh` and `grid` |
 //! | `record` | MCAP recordings |
 //! | `data_dir` | `doctor` and `backup` |
-//! | `config`, `choices`, `formats` | settings, values of flags, formats of files |
+//! | `config`, `policy`, `choices`, `formats` | settings, policies of maps, values of flags, formats of files |
 //! | `connect`, `signals` | the connection; interrupts |
 //! | `output`, `overwrite`, `progress`, `logging`, `spans`, `advice` | what a user reads |
 //! | `html` | what `--report` of several commands shares |
@@ -40,6 +40,7 @@ mod logging;
 mod map;
 mod output;
 mod overwrite;
+pub(crate) mod policy;
 mod progress;
 mod record;
 mod replay;
@@ -89,7 +90,7 @@ enum Command {
     Replay(replay::Args),
     /// Solve a file: bundle adjustment or pose graph. `covis solve FILE` sees which it is.
     Solve(solve::Args),
-    /// List, show, edit, freeze, export, import or delete the maps of a server.
+    /// List, show, create, change, copy, restore, export, import or delete the maps of a server.
     Map(map::Args),
     /// Submit, list, show, watch, cancel or delete the jobs of a server.
     Job(job::Args),

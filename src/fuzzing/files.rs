@@ -16,6 +16,7 @@ use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 
 use crate::cli::config::Config;
+use crate::cli::policy::PolicyFile;
 
 fn path() -> &'static Path {
     Path::new("fuzzed")
@@ -142,10 +143,20 @@ pub(super) fn pose_matrix(input: &[u8]) {
     }
 }
 
-/// A `covis.toml`.
+/// A `covis.toml`, and the policy of a map.
 pub(super) fn config(input: &[u8]) {
     let text = String::from_utf8_lossy(input);
     if let Err(error) = Config::parse(&text, path()) {
         drop(error.to_string());
+    }
+    match PolicyFile::parse(&text, path()) {
+        Err(error) => drop(error.to_string()),
+        Ok(file) => {
+            // Numbers that are none do not compare equal, and TOML has them.
+            let written = file.policy.to_toml();
+            let again = written.ok().and_then(|text| PolicyFile::parse(&text, path()).ok());
+            let texts = again.map(|again| format!("{:?}", again.policy));
+            assert_eq!(texts, Some(format!("{:?}", file.policy)), "another policy");
+        }
     }
 }

@@ -33,6 +33,18 @@ async fn get(server: &TestServer) -> v1::Map {
 }
 
 #[test]
+fn a_policy_that_is_sent_back_as_it_was_answered_changes_nothing() {
+    run(async {
+        let server = TestServer::start().await;
+        let before = server.create_map("room").await;
+        let same = v1::UpdateMapRequest { policy: before.policy, ..request(&["policy"]) };
+        assert_eq!(update(&server, same).await.unwrap(), before);
+        let twin = server.create_map_with("twin", before.policy.unwrap()).await;
+        assert_eq!(twin.policy, before.policy);
+    });
+}
+
+#[test]
 fn update_map_changes_what_the_mask_names_and_nothing_else() {
     run(async {
         let server = TestServer::start().await;

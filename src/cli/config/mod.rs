@@ -18,6 +18,7 @@ use clap::builder::{BoolishValueParser, ValueParser};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
 use covis_solvers::simd;
+use serde::de::DeserializeOwned;
 
 use crate::client::Token;
 
@@ -189,29 +190,41 @@ impl Config {
     /// # Errors
     /// [`ConfigError::File`] with the line.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        if text.len() > MAX_BYTES {
-            return Err(ConfigError::File {
-                path: path.to_owned(),
-                line: 1,
-                reason: format!("the file has {} bytes, at most {MAX_BYTES} are read", text.len()),
-                text: "...".to_owned(),
-            });
-        }
-        toml::from_str(text).map_err(|error| {
-            let offset = error.span().map_or(0, |span| span.start.min(text.len()));
-            let line = 1 + text.bytes().take(offset).filter(|&b| b == b'\n').count();
-            let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
-            // A token does not belong here, and no less into a log.
-            let key = shown.split('=').next().unwrap_or_default().trim().trim_matches(['"', '\'']);
-            let shown = if key == "token" { "token = ..." } else { shown };
-            ConfigError::File {
-                path: path.to_owned(),
-                line,
-                reason: error.message().to_owned(),
-                text: shown.to_owned(),
-            }
-        })
+        parse_toml(text, path)
     }
+}
+
+/// Parses a TOML text of at most 256 KiB; `path` names it in errors.
+///
+/// # Errors
+/// [`ConfigError::File`] with the line.
+pub(super) fn parse_toml<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T, ConfigError> {
+    if text.len() > MAX_BYTES {
+        return Err(ConfigError::File {
+            path: path.to_owned(),
+            line: 1,
+            reason: format!("the file has {} bytes, at most {MAX_BYTES} are read", text.len()),
+            text: "...".to_owned(),
+        });
+    }
+    toml::from_str(text).map_err(|error| {
+        let line = line_of(text, error.span().map_or(0, |span| span.start));
+        let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
+        // A token does not belong here, and no less into a log.
+        let key = shown.split('=').next().unwrap_or_default().trim().trim_matches(['"', '\'']);
+        let shown = if key == "token" { "token = ..." } else { shown };
+        ConfigError::File {
+            path: path.to_owned(),
+            line,
+            reason: error.message().to_owned(),
+            text: shown.to_owned(),
+        }
+    })
+}
+
+/// The line of a place in a text, from 1.
+pub(super) fn line_of(text: &str, offset: usize) -> usize {
+    1 + text.bytes().take(offset).filter(|&b| b == b'\n').count()
 }
 
 /// A switch as a flag with a value, so that a variable can turn it off too.

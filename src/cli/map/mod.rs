@@ -2,7 +2,8 @@
 //!
 //! Everything goes through [`crate::client`]. `document.rs` prints a map, `export.rs` and `files.rs`
 //! move maps to and from files, `constraints.rs` lists what ties keyframes, `closures.rs` where loops were
-//! found, `edit.rs` changes what a map holds, `merge.rs` makes one of two maps.
+//! found, `edit.rs` changes what a map holds, `settings.rs` its name and policy, `merge.rs` makes one of two
+//! maps.
 
 mod closures;
 mod constraints;
@@ -11,6 +12,7 @@ mod edit;
 mod export;
 mod files;
 mod merge;
+mod settings;
 
 use std::path::PathBuf;
 
@@ -45,6 +47,20 @@ enum Action {
     Show {
         /// The map.
         name: String,
+        /// Print only its policy, as TOML that `covis map set --policy` takes.
+        #[arg(long)]
+        policy: bool,
+    },
+    /// Create an empty map.
+    Create(settings::CreateArgs),
+    /// Change the policy of a map, and print it.
+    Set(settings::SetArgs),
+    /// Change the display name of a map. Its id never changes.
+    Rename {
+        /// The map.
+        name: String,
+        /// Free text for people.
+        display_name: String,
     },
     /// List where keyframes looked like earlier ones: the loop closures that the server added, and why
     /// others were refused.
@@ -131,7 +147,8 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
                 client.list_maps().await?.into_iter().map(Document::from).collect();
             show(json, &maps, || table(&maps))
         }
-        Action::Show { name } => {
+        Action::Show { name, policy: true } => settings::show_policy(&client, &name, json).await,
+        Action::Show { name, policy: false } => {
             let (map, digests) = client.get_map_digests(&name).await?;
             let map = Document::with_digests(map, &digests);
             show(json, &map, || details(&map))
@@ -150,6 +167,11 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
             export::export(&client, (name, format, all_points), (&out, overwrite), json).await
         }
         Action::Import(args) => files::import(&client, args, json).await,
+        Action::Create(args) => settings::create(&client, args, json).await,
+        Action::Set(args) => settings::set(&client, args, json).await,
+        Action::Rename { name, display_name } => {
+            settings::rename(&client, name, display_name, json).await
+        }
         Action::Merge(args) => merge::merge(&client, args, json).await,
         Action::Unmerge { target, source } => merge::undo(&client, target, source, json).await,
         Action::Edit(edit) => edit::run(edit, &client, json).await,

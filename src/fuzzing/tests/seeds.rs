@@ -100,7 +100,7 @@ const POSE_MATRIX: [(&str, &str); 6] = [
     ("cut", "1 0 0 0 0 1 0"),
 ];
 
-const CONFIG: [(&str, &str); 6] = [
+const CONFIG: [(&str, &str); 8] = [
     (
         "all",
         "listen = '0.0.0.0:7411'\nserver = 'https://host:1'\nca = 'ca.pem'\ncert = 'c'\nkey = 'k'\n\
@@ -113,6 +113,14 @@ const CONFIG: [(&str, &str); 6] = [
     ("token", "log = 'info'\ntoken = 'secret'\n"),
     ("wrong-type", "threads = -1\n"),
     ("unfinished", "log = \"\"\"in\\u00"),
+    (
+        "policy",
+        "window_keyframe_count = 20\ngauge = \"first-keyframe-fixed\"\nodometry = false\n\
+         observation_loss = { kind = 'huber', width = 2 }\n[loop_closure_robustness]\n\
+         kernel = 'gnc-tls'\nthreshold = 1e1\n[geodetic_anchor]\nlatitude_deg = nan\n\
+         longitude_deg = -0.0\nheight_m = inf\n[limits]\nmax_size_bytes = 9223372036854775807\n",
+    ),
+    ("policy-unknown-key", "[limits]\nmax_keyframes = 1\n"),
 ];
 
 const TOKENS: [(&str, &str); 6] = [

@@ -94,7 +94,7 @@ pub(in crate::service) fn policy(
     let anchor = m.geodetic_anchor.as_ref();
     let anchor = anchor.map(|point| geodetic(at.field("geodetic_anchor"), point, out));
     let limits = limits(at, m.limits.as_ref(), server, out);
-    let queued_items = queued_items(at, m.limits.as_ref(), out);
+    let queued_items = queued_items(at, m.limits.as_ref(), server.queued_items, out);
     let when_full = match out.known(at.field("when_full"), m.when_full) {
         Some(v1::WhenFull::Unspecified | v1::WhenFull::Reject) => Some(WhenFull::Reject),
         Some(v1::WhenFull::Marginalize) => Some(WhenFull::Marginalize),
@@ -158,14 +158,16 @@ fn limits(
     is_read.then(|| wanted.lower(&server.map))
 }
 
-/// Items of a client that may wait, if that is fewer than the server's number.
+/// Items of a client that may wait, if that is not the server's number, which answers fill in.
 fn queued_items(
     at: Path<'_>,
     message: Option<&v1::MapLimits>,
+    server: usize,
     out: &mut Violations,
 ) -> Option<Option<u32>> {
     match message.and_then(|m| m.max_queued_item_count) {
         None => Some(None),
+        Some(items) if items == small(server) => Some(None),
         Some(items) => {
             let limits = at.field("limits");
             let field = limits.field("max_queued_item_count");

@@ -453,6 +453,10 @@ pub(in crate::service) fn robustness(
     };
     let threshold = match m.threshold {
         None => Some(default.threshold),
+        // As answers fill it in: a policy that is sent back stays as it is.
+        Some(threshold) if threshold == default.threshold_of_dimension(6) => {
+            Some(default.threshold)
+        }
         Some(threshold) => out.positive(at.field("threshold"), threshold).map(Some),
     };
     Some(ClosureRobustness { kernel: kernel?, threshold: threshold? })
