@@ -277,6 +277,17 @@ impl Client {
         one(RPC, answer.map)
     }
 
+    /// Creates a map that holds what another one holds, now or at the revision or time of the request.
+    ///
+    /// # Errors
+    /// The codes of `CopyMap`.
+    pub async fn copy_map(
+        &self,
+        request: v1::CopyMapRequest,
+    ) -> Result<v1::CopyMapResponse, ClientError> {
+        led!(self, answer("CopyMap", self.map_service().copy_map(request.clone()).await))
+    }
+
     /// Creates a map from files, whose chunks come in order. Dropping the future before the answer
     /// leaves no map, unless the server had everything already.
     ///

@@ -7,6 +7,8 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
+use super::SharedMap;
+
 /// Position of a client in [`Map::clients`](super::Map::clients); never changes once given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientIndex(pub u32);
@@ -15,6 +17,13 @@ impl ClientIndex {
     /// Stands for the server where what it added itself is counted beside the items of clients. No client
     /// has this index.
     pub const SERVER: Self = Self(u32::MAX);
+
+    /// One more than the highest id of its entities in a table; 0 where it has none.
+    pub(crate) fn next_id<V>(self, table: &SharedMap<EntityId, V>) -> i64 {
+        let end = EntityId::new(Self(self.0.saturating_add(1)), i64::MIN);
+        let last = table.entry_before(&end).map(|(id, _)| id).filter(|id| id.client == self);
+        last.map_or(0, |last| last.id.saturating_add(1))
+    }
 
     /// The ids of its entities.
     pub(crate) fn ids(self) -> RangeInclusive<EntityId> {

@@ -238,6 +238,16 @@ impl Map {
         u32::try_from(index).ok().map(ClientIndex)
     }
 
+    /// One more than the highest id of a client's keyframes; 0 if it has none.
+    pub fn next_keyframe_id(&self, client: ClientIndex) -> i64 {
+        client.next_id(self.keyframes())
+    }
+
+    /// One more than the highest id of a client's landmarks; 0 if it has none.
+    pub fn next_landmark_id(&self, client: ClientIndex) -> i64 {
+        client.next_id(self.landmarks())
+    }
+
     /// The cameras.
     pub fn cameras(&self) -> &BTreeMap<EntityId, CameraEntity> {
         &self.parts.cameras

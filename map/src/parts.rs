@@ -80,18 +80,20 @@ impl Map {
     }
 
     /// The map as it begins on a server that imports it: created at this time by the server's clock,
-    /// with another display name and policy where they are given. That maps were merged into it is not
-    /// known there: their names may be those of other maps. The rest stays as it is.
+    /// with another display name, policy and state where they are given. That maps were merged into it is
+    /// not known there: their names may be those of other maps. The rest stays as it is.
     #[must_use]
     pub fn imported(
         mut self,
         create_time_ns: i64,
         display_name: Option<String>,
         policy: Option<MapPolicy>,
+        frozen: Option<bool>,
     ) -> Self {
         (self.parts.create_time_ns, self.parts.update_time_ns) = (create_time_ns, create_time_ns);
         self.parts.display_name = display_name.unwrap_or(self.parts.display_name);
         self.parts.policy = policy.unwrap_or(self.parts.policy);
+        self.parts.frozen = frozen.unwrap_or(self.parts.frozen);
         self.parts.merged.clear();
         self
     }

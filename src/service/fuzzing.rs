@@ -15,7 +15,7 @@ use super::access::ParsedTokens;
 pub use super::access::fuzzing::jwt;
 use super::convert::item::{digest, item};
 use super::convert::map::{ServerLimits, display_name, policy};
-use super::convert::{convert, ids};
+use super::convert::{convert, copy, ids};
 use super::engine::EngineConfig;
 use super::optimization_service::SolveBudget;
 use super::{bundle_solve, graph_solve, listing, optimization_service, refine, tls};
@@ -134,7 +134,7 @@ pub fn wire_item(mut input: &[u8]) {
 /// Small problems are solved for a few iterations.
 pub fn wire_requests(input: &[u8]) {
     let Some((&kind, bytes)) = input.split_first() else { return };
-    match kind % 6 {
+    match kind % 7 {
         0 => decoded(bytes).map_or((), solve_bundle),
         1 => decoded(bytes).map_or((), solve_pose_graph),
         2 => decoded(bytes).map_or((), refine_pose),
@@ -142,12 +142,15 @@ pub fn wire_requests(input: &[u8]) {
         4 => decoded(bytes).map_or((), |request| {
             expect_status(optimization_service::map_options(&request, THREADS, None));
         }),
-        _ => decoded(bytes).map_or((), |request: v1::ListMapsRequest| {
+        5 => decoded(bytes).map_or((), |request: v1::ListMapsRequest| {
             expect_status(listing::page(
                 request.page_size,
                 &request.page_token,
                 &listing::PagedList::new("ListMaps", ""),
             ));
+        }),
+        _ => decoded(bytes).map_or((), |request| {
+            expect_status(convert(|out| copy::copy(&request, out)).map_err(Into::into));
         }),
     }
 }
@@ -210,6 +213,7 @@ pub fn largest(length: usize) -> [Vec<Vec<u8>>; 2] {
         densest::<v1::CreateMapRequest>(length),
         densest::<v1::OptimizeMapRequest>(length),
         densest::<v1::ListMapsRequest>(length),
+        densest::<v1::CopyMapRequest>(length),
     ];
     let request = |(kind, message): (u8, Vec<u8>)| [&[kind][..], &message].concat();
     let requests =

@@ -118,6 +118,8 @@ async fn opened(
         lock_step: opened.lock_step,
         map_uid: map.ingest_uid().to_owned(),
         optimized_sequence: opened.optimized_sequence,
+        next_keyframe_id: snapshot.next_keyframe_id(opened.client),
+        next_landmark_id: snapshot.next_landmark_id(opened.client),
     })
 }
 

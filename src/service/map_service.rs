@@ -12,7 +12,7 @@ use super::access::{Caller, change};
 use super::connections::Peer;
 use super::context::{Answers, Context, Messages, Rpcs};
 use super::convert::map::{display_name, policy, to_hints};
-use super::convert::{Path, convert, ids, merge, update};
+use super::convert::{Path, convert, copy, ids, merge, update};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{EngineError, Estimate, MapHandle, PoolError, Resource};
 use super::error::ServiceError;
@@ -53,6 +53,19 @@ impl Rpcs {
         let update = convert(|out| update::update(&request, &limits, out))?;
         let info = map.update(update).await?;
         Ok(v1::UpdateMapResponse { map: Some(self.context.map_message(info).await?) })
+    }
+
+    async fn copy(
+        &self,
+        request: Request<v1::CopyMapRequest>,
+    ) -> Result<v1::CopyMapResponse, ServiceError> {
+        let (caller, request) = (Caller::of(&request)?, request.into_inner());
+        let copy = convert(|out| copy::copy(&request, out))?;
+        let source = self.map(&caller, &copy.source).await?;
+        let name = caller.engine_name(&copy.name);
+        let copied = self.context.maps.copy(&source, copy.moment, &name, copy.frozen).await?;
+        let map = self.context.map_message(copied.map.clone()).await?;
+        Ok(copy::to_response(&copied, map))
     }
 
     async fn list(
@@ -216,6 +229,13 @@ impl MapService for Rpcs {
         request: Request<v1::UpdateMapRequest>,
     ) -> Result<Response<v1::UpdateMapResponse>, Status> {
         self.context.answer("UpdateMap", self.update(request)).await
+    }
+
+    async fn copy_map(
+        &self,
+        request: Request<v1::CopyMapRequest>,
+    ) -> Result<Response<v1::CopyMapResponse>, Status> {
+        self.context.answer("CopyMap", self.copy(request)).await
     }
 
     async fn list_maps(

@@ -46,6 +46,7 @@ pub(super) fn maps_of(error: &mut EngineError) -> [Option<&mut String>; 2] {
         | EngineError::OptimizationRunning { map }
         | EngineError::MapLimit { map, .. }
         | EngineError::RevisionAhead { map, .. }
+        | EngineError::NotKept { map, .. }
         | EngineError::NothingToSolve { map }
         | EngineError::Cancelled { map }
         | EngineError::Journal { map, .. }

@@ -13,7 +13,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 52] = [
+const FEATURES: [&str; 53] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.covis",
@@ -47,6 +47,7 @@ const FEATURES: [&str; 52] = [
     "job.rebuild",
     "job.solve-files",
     "map.closure-adjustment",
+    "map.copy",
     "map.freeze",
     "map.hints",
     "map.list-constraints",

@@ -12,6 +12,7 @@ use covis_solvers::problem::SolveError;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
 
+use super::convert::time::timestamp;
 use super::engine::EngineError;
 use super::error::ServiceError;
 use super::job_error::JobError;
@@ -291,6 +292,14 @@ fn engine(mut error: EngineError) -> Parts {
             full("SERVER_LIMIT", limit).with("maximum", maximum)
         }
         EngineError::RevisionAhead { .. } => bad_field("from_revision", "OUT_OF_RANGE"),
+        EngineError::NotKept { map: _, field, oldest, newest } => {
+            let times = [oldest, newest].map(|state| timestamp(state.time_ns));
+            let text = format!("{message}, that is at times {} to {}", times[0], times[1]);
+            with_map(Parts::new(Code::InvalidArgument, "OUT_OF_RANGE", text.clone()))
+                .with("oldest_revision", oldest.revision)
+                .with("newest_revision", newest.revision)
+                .violation(field, "OUT_OF_RANGE", &text)
+        }
         EngineError::Solve(SolveError::Empty(_)) => {
             parts(Code::FailedPrecondition, "NOTHING_TO_SOLVE")
         }

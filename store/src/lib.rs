@@ -146,6 +146,11 @@ fn sequence_of(revision: i64) -> u64 {
     u64::try_from(revision).unwrap_or(0)
 }
 
+/// Those of the sequences, with 0 for the beginning of the journal, behind which no event was dropped.
+fn whole_behind(dropped: u64, snapshots: impl Iterator<Item = u64>) -> Vec<u64> {
+    std::iter::once(0).chain(snapshots).filter(|&sequence| sequence >= dropped).collect()
+}
+
 /// Keeps the journals and snapshots of many maps.
 #[async_trait]
 pub trait Store: Send + Sync + 'static {
@@ -254,6 +259,20 @@ pub trait Store: Send + Sync + 'static {
     /// # Errors
     /// [`StoreError::UnknownMap`].
     async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError>;
+
+    /// The sequences from which the map's later states can be replayed, rising: those of the snapshots that
+    /// are kept with all events after them, and 0 where the journal begins with the first event. Empty
+    /// where nothing was kept yet.
+    ///
+    /// # Errors
+    /// [`StoreError::UnknownMap`].
+    async fn replayable_from(&self, map: &str) -> Result<Vec<u64>, StoreError>;
+
+    /// The snapshot at a sequence; `None` where it is not kept any more, or does not open.
+    ///
+    /// # Errors
+    /// [`StoreError::UnknownMap`].
+    async fn snapshot_at(&self, map: &str, sequence: u64) -> Result<Option<Arc<Map>>, StoreError>;
 
     /// What is damaged in the map's files; a map with lost events takes no appends.
     ///

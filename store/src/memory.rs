@@ -10,7 +10,9 @@ use async_trait::async_trait;
 use tokio::sync::watch;
 
 use super::encoding::encode_readable;
-use super::{Damage, Durability, Epoch, Flushed, Position, Store, StoreError, sequence_of};
+use super::{
+    Damage, Durability, Epoch, Flushed, Position, Store, StoreError, sequence_of, whole_behind,
+};
 use crate::sync::Mutex;
 use covis_map::{Event, Map};
 
@@ -180,6 +182,18 @@ impl Store for MemoryStore {
 
     async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {
         self.with(map, |journal| Ok(journal.snapshot.clone()))
+    }
+
+    async fn replayable_from(&self, map: &str) -> Result<Vec<u64>, StoreError> {
+        self.with(map, |journal| {
+            let snapshot = journal.snapshot.as_ref().map(|map| sequence_of(map.revision()));
+            Ok(whole_behind(journal.dropped, snapshot.into_iter()))
+        })
+    }
+
+    async fn snapshot_at(&self, map: &str, sequence: u64) -> Result<Option<Arc<Map>>, StoreError> {
+        let is_at = |map: &Arc<Map>| sequence_of(map.revision()) == sequence;
+        self.with(map, |journal| Ok(journal.snapshot.clone().filter(is_at)))
     }
 
     async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {

@@ -100,3 +100,20 @@ async fn events_are_dropped_only_behind_a_snapshot() {
     store.append("a", epoch, 6, events(7..=7)).await.unwrap();
     assert_eq!(sequences(&store.read("a", 5).await.unwrap()), [6, 7]);
 }
+
+#[tokio::test]
+async fn later_states_are_replayed_from_the_beginning_and_from_what_is_kept_behind_it() {
+    let store = MemoryStore::new();
+    let epoch = store.create_map("a", None).await.unwrap();
+    store.append("a", epoch, 0, events(1..=5)).await.unwrap();
+    assert_eq!(store.replayable_from("a").await.unwrap(), [0]);
+    assert_eq!(store.snapshot_at("a", 3).await.unwrap(), None);
+    store.put_snapshot("a", epoch, snapshot(3)).await.unwrap();
+    assert_eq!(store.replayable_from("a").await.unwrap(), [0, 3]);
+    store.truncate("a", epoch, 4).await.unwrap();
+    assert_eq!(store.replayable_from("a").await.unwrap(), [3]);
+    assert_eq!(store.snapshot_at("a", 3).await.unwrap().unwrap().revision(), 3);
+    assert_eq!(store.snapshot_at("a", 4).await.unwrap(), None);
+    let unknown = StoreError::UnknownMap { map: "b".to_owned() };
+    assert_eq!(store.replayable_from("b").await, Err(unknown));
+}

@@ -118,3 +118,81 @@ fn show_names_what_the_data_look_like_and_what_is_pending() {
     assert!(text.contains("\nhint          pixels_outside_image (import): "), "{text}");
     assert!(!text.contains("pending"), "{text}");
 }
+
+#[test]
+fn a_map_is_created_set_and_renamed_by_command_and_its_policy_goes_around() {
+    let workspace = Workspace::new();
+    let server = Running::start(&workspace, &workspace.path("maps"));
+    workspace.file("small.toml", "odometry = false\n\n[limits]\nmax_keyframe_count = 10\n");
+    let made = json(&workspace, &server, "create room --display-name Hall --policy small.toml");
+    assert_eq!((&made["map"], &made["display_name"]), (&"room".into(), &"Hall".into()));
+    map(&workspace, &server, "create room").expect_failure(&["\"room\" exists already"]);
+
+    // What `show` prints is what `set` takes, and changes nothing.
+    let policy = map(&workspace, &server, "show room --policy").stdout;
+    assert!(policy.contains("odometry = false\n"), "{policy}");
+    assert!(policy.contains("[limits]\nmax_keyframe_count = 10\n"), "{policy}");
+    workspace.file("policy.toml", &policy);
+    let revision = json(&workspace, &server, "show room")["revision"].clone();
+    assert_eq!(map(&workspace, &server, "set room --policy policy.toml").stdout, policy);
+    assert_eq!(json(&workspace, &server, "show room")["revision"], revision);
+    json(&workspace, &server, "create twin --policy policy.toml");
+    assert_eq!(map(&workspace, &server, "show twin --policy").stdout, policy);
+
+    // A file changes what it names; a field is reset by its name.
+    workspace.file("part.toml", "window_keyframe_count = 7\ngauge = \"free\"\n");
+    let set =
+        json(&workspace, &server, "set room --policy part.toml --reset limits.max_keyframe_count");
+    assert_eq!((&set["window_keyframe_count"], &set["gauge"]), (&7.into(), &"free".into()));
+    assert_eq!(
+        (&set["odometry"], &set["limits"]["max_keyframe_count"]),
+        (&false.into(), &100_000.into())
+    );
+    let renamed = json(&workspace, &server, "rename room Attic");
+    assert_eq!((&renamed["map"], &renamed["display_name"]), (&"room".into(), &"Attic".into()));
+
+    for (text, line, part) in [
+        ("windows = 7\n", 1, "windows"),
+        ("\ngauge = \"loose\"\n", 2, "first-keyframe-fixed"),
+        ("odometry = true\nwindow_keyframe_count = 1\n", 2, "policy.window_keyframe_count"),
+        ("[limits]\n# none\nmax_prior_count = 0\n", 3, "policy.limits.max_prior_count"),
+    ] {
+        workspace.file("bad.toml", text);
+        for command in ["set room --policy bad.toml", "create other --policy bad.toml"] {
+            let at = format!("bad.toml, line {line}: ");
+            map(&workspace, &server, command).expect_failure(&[&at, part]);
+        }
+    }
+    workspace.file("empty.toml", "");
+    map(&workspace, &server, "set room --policy empty.toml")
+        .expect_failure(&["empty.toml: it names no field of a policy"]);
+    assert_eq!(map(&workspace, &server, "set room").code, Some(2));
+    assert_eq!(json(&workspace, &server, "list").as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn a_map_is_copied_as_it_is_and_restored_as_it_was_by_command() {
+    let workspace = Workspace::new();
+    let server = Running::start(&workspace, &workspace.path("maps"));
+    json(&workspace, &server, "create room");
+    let before = json(&workspace, &server, "rename room Before");
+    json(&workspace, &server, "rename room After");
+    let kept = json(&workspace, &server, "snapshot room kept");
+    assert_eq!((&kept["new"]["state"], &kept["revision"]), (&"frozen".into(), &3.into()));
+    let revision = before["revision"].as_i64().unwrap();
+    let restored = json(&workspace, &server, &format!("restore room old --at {revision}"));
+    assert_eq!(
+        (&restored["new"]["state"], &restored["revision"]),
+        (&"open".into(), &revision.into())
+    );
+    assert_eq!(restored["new"]["display_name"], "Before");
+    assert_ne!(restored["new"]["uid"], before["uid"]);
+    let time = restored["time"].as_str().unwrap();
+    let text = map(&workspace, &server, &format!("restore room older --at {time}")).stdout;
+    assert_eq!(text, format!("map older (open) shows map room at revision 2, of {time}\n"));
+    assert_eq!(json(&workspace, &server, "show room")["display_name"], "After");
+    map(&workspace, &server, "restore room none --at 4")
+        .expect_failure(&["can be restored at revisions 1 to 3, that is at times 2"]);
+    map(&workspace, &server, "restore room old --at 1").expect_failure(&["exists already"]);
+    assert_eq!(map(&workspace, &server, "restore room none --at noon").code, Some(2));
+}

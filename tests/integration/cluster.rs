@@ -175,6 +175,41 @@ fn a_drained_server_gives_its_maps_away_at_once() {
 }
 
 #[test]
+fn an_earlier_state_is_restored_by_the_owner_whichever_server_is_asked() {
+    let Some(nats) = Nats::start(1, true) else { return };
+    let workspace = Workspace::new();
+    let mut first = nats.covis(&workspace, "a");
+    let second = nats.covis(&workspace, "b");
+    let restore = async |url: &str, new: &str| {
+        let client = Client::connect(url).await.unwrap();
+        let request = v1::CopyMapRequest {
+            source_map_id: "house".to_owned(),
+            new_map_id: new.to_owned(),
+            at: Some(v1::copy_map_request::At::Revision(4)),
+            state: v1::MapState::Frozen.into(),
+        };
+        patient().run(|| client.copy_map(request.clone())).await
+    };
+    run(async {
+        let mut robot = Robot::new(&both(&first, &second)).await;
+        let last = robot.send(5).await;
+        robot.reach(last).await;
+        let made = restore(&second.url, "early").await.unwrap();
+        assert_eq!((made.revision, made.map.unwrap().counts.unwrap().keyframe_count), (4, 1));
+        let taken = restore(&second.url, "early").await.unwrap_err();
+        assert_eq!(taken.reason().as_deref(), Some("MAP_EXISTS"));
+        drop(robot.session.finish().await.unwrap());
+        first.kill();
+        // The other server has taken the whole stream over, which begins with the first event.
+        let made = restore(&second.url, "again").await.unwrap();
+        assert_eq!(made.map.unwrap().counts.unwrap().keyframe_count, 1);
+        let client = Client::connect(&second.url).await.unwrap();
+        let early = patient().run(|| client.get_map("early")).await.unwrap();
+        assert_eq!((early.revision, early.state()), (4, v1::MapState::Frozen));
+    });
+}
+
+#[test]
 fn a_map_whose_journal_was_dropped_is_taken_over_from_its_snapshot() {
     let Some(nats) = Nats::start(1, true) else { return };
     let workspace = Workspace::new();

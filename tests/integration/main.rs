@@ -91,6 +91,7 @@ mod rpc_bad_descriptors;
 mod rpc_bad_input;
 mod rpc_bad_priors;
 mod rpc_compression;
+mod rpc_copy;
 mod rpc_deadline;
 mod rpc_degenerate;
 mod rpc_edits;

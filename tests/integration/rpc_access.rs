@@ -18,8 +18,9 @@ use crate::common::{TestServer, bearing, check_status, open_item, run};
 
 /// RPCs that touch no map of their own, or (`Ingest`) are called in a way of their own. The
 /// others are called for a map of another tenant.
-const WITHOUT_MAP: [&str; 16] = [
+const WITHOUT_MAP: [&str; 17] = [
     "CancelJob",
+    "CopyMap",
     "CreateJob",
     "DeleteJob",
     "DownloadJobFiles",
@@ -150,6 +151,7 @@ fn a_role_covers_its_own_calls_and_those_below() {
             ("/covis.v1.OptimizationService/OptimizeMap", false, true),
             ("/covis.v1.OptimizationService/SolveBundle", false, true),
             ("/covis.v1.MapService/CreateMap", false, true),
+            ("/covis.v1.MapService/CopyMap", false, true),
             ("/covis.v1.MapService/DeleteMap", false, false),
             ("/covis.v1.MapService/NotYetThought", false, false),
         ] {
@@ -197,6 +199,13 @@ fn the_map_of_another_tenant_is_not_there_for_any_rpc() {
             let status = server.maps().merge_maps(by("rival", merge)).await.unwrap_err();
             check_status(&status, Code::NotFound, "MAP_NOT_FOUND");
         }
+        let copy = v1::CopyMapRequest {
+            source_map_id: "house".to_owned(),
+            new_map_id: "copy".to_owned(),
+            ..Default::default()
+        };
+        let status = server.maps().copy_map(by("rival", copy)).await.unwrap_err();
+        check_status(&status, Code::NotFound, "MAP_NOT_FOUND");
         let shed = v1::DeleteMapRequest { map_id: "shed".to_owned() };
         server.maps().delete_map(by("rival", shed)).await.unwrap();
         let open = open_item("house", "robot", 0);

@@ -3,10 +3,11 @@
 //! Everything goes through [`crate::client`]. `document.rs` prints a map, `export.rs` and `files.rs`
 //! move maps to and from files, `constraints.rs` lists what ties keyframes, `closures.rs` where loops were
 //! found, `edit.rs` changes what a map holds, `settings.rs` its name and policy, `merge.rs` makes one of two
-//! maps.
+//! maps, `copy.rs` one as it is or was.
 
 mod closures;
 mod constraints;
+mod copy;
 mod document;
 mod edit;
 mod export;
@@ -94,6 +95,10 @@ enum Action {
         /// The map to take out.
         source: String,
     },
+    /// Copy a map as it is now into a new, frozen map.
+    Snapshot(copy::SnapshotArgs),
+    /// Restore an earlier state of a map from its journal, into a new map.
+    Restore(copy::RestoreArgs),
     /// Delete a map with its journal.
     #[command(visible_alias = "rm")]
     Delete {
@@ -172,6 +177,8 @@ async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> 
         Action::Rename { name, display_name } => {
             settings::rename(&client, name, display_name, json).await
         }
+        Action::Snapshot(args) => copy::snapshot(&client, args, json).await,
+        Action::Restore(args) => copy::restore(&client, args, json).await,
         Action::Merge(args) => merge::merge(&client, args, json).await,
         Action::Unmerge { target, source } => merge::undo(&client, target, source, json).await,
         Action::Edit(edit) => edit::run(edit, &client, json).await,

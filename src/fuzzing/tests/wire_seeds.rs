@@ -324,6 +324,12 @@ pub(super) fn requests() -> Named {
         options: options(v1::LinearSolver::DenseSchur, gauss),
         ..Default::default()
     };
+    let copy = v1::CopyMapRequest {
+        source_map_id: "house".to_owned(),
+        new_map_id: "house-2".to_owned(),
+        at: Some(v1::copy_map_request::At::Time(prost_types::Timestamp { seconds: 1, nanos: 5 })),
+        state: v1::MapState::Frozen.into(),
+    };
     let list = v1::ListMapsRequest { page_size: 3, page_token: "house".to_owned() };
     vec![
         ("bundle", request(0, &bundle())),
@@ -342,5 +348,6 @@ pub(super) fn requests() -> Named {
         ("create", request(3, &create)),
         ("optimize", request(4, &optimize)),
         ("list", request(5, &list)),
+        ("copy", request(6, &copy)),
     ]
 }

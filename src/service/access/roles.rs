@@ -51,11 +51,12 @@ const READ: [&str; 16] = [
 ];
 
 /// Solves of problems that come with the call change nothing, but take the server's time.
-const WRITE: [&str; 12] = [
+const WRITE: [&str; 13] = [
     "/covis.v1.IngestService/Ingest",
     "/covis.v1.JobService/CancelJob",
     "/covis.v1.JobService/CreateJob",
     "/covis.v1.JobService/UploadJobFiles",
+    "/covis.v1.MapService/CopyMap",
     "/covis.v1.MapService/CreateMap",
     "/covis.v1.MapService/ImportMap",
     "/covis.v1.MapService/UpdateMap",

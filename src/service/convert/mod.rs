@@ -10,10 +10,11 @@
 //! |---|---|
 //! | `item`, `edit`, `camera` | items of an ingest stream |
 //! | `geometry`, `ids`, `time` | values that many messages share |
-//! | `map`, `update`, `merge`, `entities`, `trajectory` | maps, their changes and their content |
+//! | `map`, `update`, `copy`, `merge`, `entities`, `trajectory` | maps, their changes and their content |
 //! | `problem`, `solve` | problems that come with a call; options and certificates |
 
 pub(super) mod camera;
+pub(super) mod copy;
 mod edit;
 pub(super) mod entities;
 pub(super) mod geometry;

@@ -145,7 +145,8 @@ fn named(path: Option<&str>) -> Vec<&'static Field> {
     FIELDS.iter().filter(is_named).collect()
 }
 
-fn is_frozen(state: i32, out: &mut Violations) -> Option<bool> {
+/// Whether a request asks for a frozen map; it may ask for an open one besides.
+pub(super) fn is_frozen(state: i32, out: &mut Violations) -> Option<bool> {
     let at = Path::root("state");
     match out.known(at, state)? {
         v1::MapState::Open => Some(false),

@@ -11,6 +11,15 @@ use crate::loop_closing::NotAligned;
 use crate::map::{MapError, MergeError};
 use crate::store::StoreError;
 
+/// A state that a map had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PastState {
+    /// Its revision.
+    pub revision: i64,
+    /// When the map came to it, Unix time in nanoseconds by the server's clock.
+    pub time_ns: i64,
+}
+
 /// A refused call or the end of a stream.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages say what the fields are")]
@@ -100,6 +109,17 @@ pub enum EngineError {
     /// A watcher asks for changes since a revision that the map has not reached.
     #[error("map {map:?} is at revision {newest}, {revision} lies ahead of it")]
     RevisionAhead { map: String, revision: i64, newest: i64 },
+    /// A state of a map is asked for that its journal does not keep, or has not reached.
+    #[error(
+        "map {map:?} can be restored at revisions {} to {}", oldest.revision, newest.revision
+    )]
+    NotKept {
+        map: String,
+        /// The field of the request.
+        field: &'static str,
+        oldest: PastState,
+        newest: PastState,
+    },
     /// The map's problem cannot be solved as posed.
     #[error("the problem cannot be solved as posed: {0}")]
     Solve(#[from] SolveError),

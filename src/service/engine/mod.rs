@@ -10,7 +10,7 @@
 //! mathematics.
 //!
 //! ```text
-//!            maps          all maps of a server: create, open, import, merge, share, delete
+//!            maps          all maps of a server: create, open, import, copy, merge, share, delete
 //!              │
 //!            handle        what a caller holds: the handle of a map, an ingest stream, a watch
 //!              │ requests, items
@@ -25,7 +25,7 @@
 //!
 //! | module | role |
 //! |---|---|
-//! | `maps` | all maps of a server and their names; `opening`, `importing`, `merging`, `sharing`, `counts` |
+//! | `maps` | all maps of a server and their names; `opening`, `importing`, `copying`, `merging`, `sharing`, `counts` |
 //! | `handle` | the caller's side; `stream`: items in, events out; `watch`: changes joined, and missed ones read from the journal; `compacting` |
 //! | `actor` | the loop, and what it does with the values of the parts |
 //! | `actor::commit` | the one way in which a map changes |
@@ -34,7 +34,7 @@
 //! | `actor::requests`, `update`, `merging` | what handles ask; a change of name, policy or state; maps that become one |
 //! | `actor::settled` | whether the engine still does something by itself |
 //! | `ingest` | open streams, their acks, and which items are accepted |
-//! | `journal` | events on their way to the disk, DURABLE acks, snapshots |
+//! | `journal` | events on their way to the disk, DURABLE acks, snapshots; `history`: earlier states of the map |
 //! | `solving` | starting solves; `schedule`: which items wait for which; `whole`, `window`, `rebuild`: their bodies; `after_closures`: comparing places and adjusting the map |
 //! | `recognition` | searching the places that keyframes show again |
 //! | `watching` | the log for watchers; `touched`: the ids that events touch |
@@ -76,13 +76,15 @@ pub use account::{
 pub use actor::update::{MapUpdate, PolicyUpdate};
 pub use cancellation::Cancellation;
 pub use context::{MapInfo, MapState, PendingWork};
-pub use error::EngineError;
+pub use error::{EngineError, PastState};
 pub use events::{Ack, AckStatus, Opened, SolveReport, StreamEvent};
 pub use handle::MapHandle;
 pub use handle::compacting::Compacted;
 pub use handle::stream::{IngestStream, ItemSender};
 pub use handle::watch::{MapChange, Watch};
+pub use journal::history::Moment;
 pub use maps::Maps;
+pub use maps::copying::Copied;
 pub use maps::counts::MapCounts;
 pub use maps::importing::{ImportRoom, ImportedAs};
 pub use maps::merging::{LinkRequest, MergeOutcome, MergeRequest};

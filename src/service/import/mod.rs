@@ -115,7 +115,7 @@ fn header(
         let (map_id, display_name) = (map_id?, Some(name?).filter(|name| !name.is_empty()));
         Some(Header {
             name: caller.engine_name(&map_id),
-            imported: ImportedAs { display_name, policy: kept? },
+            imported: ImportedAs { display_name, policy: kept?, frozen: None },
             format: format?,
             client: client?,
         })

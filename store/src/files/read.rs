@@ -134,18 +134,41 @@ pub(super) fn newest_snapshot(journal: &Journal) -> Result<Option<Arc<Map>>, Sto
     loop {
         let newest = journal.state().snapshots.last().copied();
         let Some(sequence) = newest else { return Ok(None) };
-        let path = journal.folder.join(snapshot_name(sequence));
-        let mut file =
-            journal.disk.stream(&path).map_err(|e| file_error("cannot read", &path, &e))?;
-        let reason = match sealed::read_snapshot(&mut file) {
-            Ok(map) => return Ok(Some(map)),
-            Err(error) => error.damage(&path)?,
-        };
-        tracing::error!(file = %path.display(), reason, "a snapshot does not open");
-        let mut state = journal.state();
-        state.snapshots.pop();
-        state.damage.push(whole_file(&path));
+        if let Some(map) = snapshot_at(journal, sequence)? {
+            return Ok(Some(map));
+        }
     }
+}
+
+/// The snapshot at a sequence; `None` where a newer one has replaced it, or where it does not open and is
+/// set aside.
+///
+/// # Errors
+/// [`StoreError::File`].
+pub(super) fn snapshot_at(
+    journal: &Journal,
+    sequence: u64,
+) -> Result<Option<Arc<Map>>, StoreError> {
+    let path = journal.folder.join(snapshot_name(sequence));
+    let is_kept = || journal.state().snapshots.contains(&sequence);
+    if !is_kept() {
+        return Ok(None);
+    }
+    let mut file = match journal.disk.stream(&path) {
+        Ok(file) => file,
+        // It was removed in between.
+        Err(_gone) if !is_kept() => return Ok(None),
+        Err(error) => return Err(file_error("cannot read", &path, &error)),
+    };
+    let reason = match sealed::read_snapshot(&mut file) {
+        Ok(map) => return Ok(Some(map)),
+        Err(error) => error.damage(&path)?,
+    };
+    tracing::error!(file = %path.display(), reason, "a snapshot does not open");
+    let mut state = journal.state();
+    state.snapshots.retain(|&kept| kept != sequence);
+    state.damage.push(whole_file(&path));
+    Ok(None)
 }
 
 /// Writes a snapshot, reads it back, and removes all but the newest ones.

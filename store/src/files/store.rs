@@ -13,6 +13,7 @@ use super::read::ReadEvents;
 use super::{Entry, FileStore, Inner, blocking, read};
 use crate::{
     Damage, Durability, Epoch, EventReader, Flushed, Position, Store, StoreError, sequence_of,
+    whole_behind,
 };
 use covis_map::{Event, Map};
 
@@ -135,6 +136,18 @@ impl Store for FileStore {
         let journal = self.journal(map).await?;
         let newest = blocking(&*self.inner.disk, move || read::newest_snapshot(&journal));
         newest.await.map_err(|error| of_map(map, error))
+    }
+
+    async fn replayable_from(&self, map: &str) -> Result<Vec<u64>, StoreError> {
+        let journal = self.journal(map).await?;
+        let state = journal.state();
+        Ok(whole_behind(state.dropped, state.snapshots.iter().copied()))
+    }
+
+    async fn snapshot_at(&self, map: &str, sequence: u64) -> Result<Option<Arc<Map>>, StoreError> {
+        let journal = self.journal(map).await?;
+        let found = blocking(&*self.inner.disk, move || read::snapshot_at(&journal, sequence));
+        found.await.map_err(|error| of_map(map, error))
     }
 
     async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {

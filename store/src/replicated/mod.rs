@@ -308,6 +308,15 @@ impl Store for ReplicatedStore {
         self.local.get_snapshot(map).await
     }
 
+    /// What this server's own disk keeps: after a takeover it begins with the snapshot of the takeover.
+    async fn replayable_from(&self, map: &str) -> Result<Vec<u64>, StoreError> {
+        self.local.replayable_from(map).await
+    }
+
+    async fn snapshot_at(&self, map: &str, sequence: u64) -> Result<Option<Arc<Map>>, StoreError> {
+        self.local.snapshot_at(map, sequence).await
+    }
+
     async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {
         self.local.damage(map).await
     }

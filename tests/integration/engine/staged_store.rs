@@ -125,6 +125,14 @@ impl<S: Stage> Store for StagedStore<S> {
         self.memory.get_snapshot(map).await
     }
 
+    async fn replayable_from(&self, map: &str) -> Result<Vec<u64>, StoreError> {
+        self.memory.replayable_from(map).await
+    }
+
+    async fn snapshot_at(&self, map: &str, sequence: u64) -> Result<Option<Arc<Map>>, StoreError> {
+        self.memory.snapshot_at(map, sequence).await
+    }
+
     async fn truncate(&self, map: &str, epoch: Epoch, before: u64) -> Result<(), StoreError> {
         self.memory.truncate(map, epoch, before).await
     }

@@ -20,6 +20,9 @@ pub(super) const ENOSPC: i64 = 28;
 /// A creation waits for so many syncs at most.
 const CREATE_SYNCS: i64 = 8;
 
+/// A copy waits for so many syncs at most.
+const COPY_SYNCS: i64 = 5;
+
 /// Where a call is cut off.
 fn cuts(syncs: i64) -> impl Iterator<Item = (Cut, i64)> {
     (0..syncs).flat_map(|sync| [(Cut::Dropped, sync), (Cut::Deadline, sync)])
@@ -65,6 +68,57 @@ fn a_create_that_is_cut_off_leaves_its_name_usable_and_one_whole_map() {
          clean restart: {lost:#?}"
     );
     assert!(wedged.is_empty() && lost.is_empty(), "{told}");
+}
+
+#[test]
+fn a_copy_that_is_cut_off_leaves_its_name_usable_and_one_whole_map_or_none() {
+    let Some(mut machine) = Machine::new() else { return };
+    let mut server = machine.start();
+    let (mut partial, mut names, mut count) = (Vec::new(), Vec::new(), 0);
+    run(async {
+        let channel = connect(&server.url).await;
+        create(&channel, "house").await.unwrap();
+        map_out(&channel, "house", 3).await.unwrap();
+        for (cut, syncs) in cuts(COPY_SYNCS) {
+            let name = format!("copy-{cut:?}-{syncs}").to_lowercase();
+            let request = v1::CopyMapRequest {
+                source_map_id: "house".to_owned(),
+                new_map_id: name.clone(),
+                at: Some(v1::copy_map_request::At::Revision(4)),
+                state: 0,
+            };
+            let again = request.clone();
+            let copy = |timed: Request<()>| {
+                let mut service = MapServiceClient::new(channel.clone());
+                async move { service.copy_map(timed.map(|()| request)).await }
+            };
+            let answer = cut_off(&channel, &machine.stage, (cut, syncs), copy).await;
+            count += i32::from(!matches!(answer, Some(Ok(_))));
+            // None or the whole one: after one more try it is there.
+            let mut service = MapServiceClient::new(channel.clone());
+            if let Err(status) = service.copy_map(again).await
+                && status.code() != Code::AlreadyExists
+            {
+                partial.push(format!("{name}: {status}"));
+            }
+            names.push(name);
+        }
+    });
+    assert!(count >= 6, "{count} copies were cut off");
+    // Killed, and what was not synced is gone: an answered copy is there, and whole.
+    server.kill();
+    let server = machine.start();
+    run(async {
+        let channel = connect(&server.url).await;
+        for name in &names {
+            match get(&channel, name).await {
+                Ok(map)
+                    if map.revision >= 4 && map.counts.is_some_and(|c| c.keyframe_count == 1) => {}
+                found => partial.push(format!("{name}: {found:?}")),
+            }
+        }
+    });
+    assert!(partial.is_empty(), "of {count} copies that were cut off: {partial:#?}");
 }
 
 #[test]

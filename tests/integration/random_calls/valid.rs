@@ -53,6 +53,21 @@ pub(super) fn requests(method: &str, world: &mut World, draw: &mut Draw) -> Vec<
         }),
         "UpdateMap" => vec![update(map_id, draw).encode_to_vec()],
         "DeleteMap" => vec![v1::DeleteMapRequest { map_id }.encode_to_vec()],
+        "CopyMap" => {
+            let at = match draw.below(3) {
+                0 => None,
+                1 => Some(v1::copy_map_request::At::Revision(1 + draw.below(40) as i64)),
+                _ => Some(v1::copy_map_request::At::Time(prost_types::Timestamp {
+                    seconds: draw.one(&[0, 4_000_000_000]),
+                    nanos: 0,
+                })),
+            };
+            // The names of maps are mostly taken.
+            let new_map_id = format!("copy-{}", world.number());
+            let state = draw.below(3) as i32;
+            let request = v1::CopyMapRequest { source_map_id: map_id, new_map_id, at, state };
+            vec![request.encode_to_vec()]
+        }
         "MergeMaps" => vec![merge(map_id, draw).encode_to_vec()],
         "UndoMerge" => {
             let source_map_id = draw.one(&MAPS).to_owned();

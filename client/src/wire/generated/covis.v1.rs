@@ -2854,6 +2854,13 @@ pub struct IngestOpened {
     /// covered, and from servers that do not report it.
     #[prost(int64, tag = "9")]
     pub optimized_sequence: i64,
+    /// One more than the highest id of this client's keyframes in the map; 0 if it has none, and from servers
+    /// that do not report it. A frontend that starts again under its name continues from here.
+    #[prost(int64, tag = "10")]
+    pub next_keyframe_id: i64,
+    /// The same for its landmarks.
+    #[prost(int64, tag = "11")]
+    pub next_landmark_id: i64,
 }
 impl ::prost::Name for IngestOpened {
     const NAME: &'static str = "IngestOpened";
@@ -3594,6 +3601,68 @@ impl ::prost::Name for UpdateMapResponse {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.UpdateMapResponse".into()
+    }
+}
+/// See CopyMap.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct CopyMapRequest {
+    /// The map that is copied. Required.
+    #[prost(string, tag = "1")]
+    pub source_map_id: ::prost::alloc::string::String,
+    /// The new map; see Map.map_id. Required.
+    #[prost(string, tag = "2")]
+    pub new_map_id: ::prost::alloc::string::String,
+    /// OPEN or FROZEN. Default OPEN. An open copy begins with the solves that were due in the source.
+    #[prost(enumeration = "MapState", tag = "5")]
+    pub state: i32,
+    /// Which state of the source. Default: as it is now.
+    #[prost(oneof = "copy_map_request::At", tags = "3, 4")]
+    pub at: ::core::option::Option<copy_map_request::At>,
+}
+/// Nested message and enum types in `CopyMapRequest`.
+pub mod copy_map_request {
+    /// Which state of the source. Default: as it is now.
+    #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Oneof)]
+    pub enum At {
+        /// The one that has this revision, at least 1.
+        #[prost(int64, tag = "3")]
+        Revision(i64),
+        /// The last one before the first change that is later than this, by the server's clock.
+        #[prost(message, tag = "4")]
+        Time(::prost_types::Timestamp),
+    }
+}
+impl ::prost::Name for CopyMapRequest {
+    const NAME: &'static str = "CopyMapRequest";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.CopyMapRequest".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.CopyMapRequest".into()
+    }
+}
+/// See CopyMap.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct CopyMapResponse {
+    /// The new map.
+    #[prost(message, optional, tag = "1")]
+    pub map: ::core::option::Option<Map>,
+    /// The revision of the source that it shows.
+    #[prost(int64, tag = "2")]
+    pub revision: i64,
+    /// When the source came to that revision, by the server's clock.
+    #[prost(message, optional, tag = "3")]
+    pub time: ::core::option::Option<::prost_types::Timestamp>,
+}
+impl ::prost::Name for CopyMapResponse {
+    const NAME: &'static str = "CopyMapResponse";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.CopyMapResponse".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.CopyMapResponse".into()
     }
 }
 /// See ListMaps.
@@ -4612,6 +4681,44 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "UpdateMap"));
             self.inner.unary(req, path, codec).await
         }
+        /// Creates a map that holds what another one holds, now or at an earlier revision, which is read from the
+        /// journal. It has a uid of its own and begins at that revision; the source is not changed. How far back the
+        /// journal reaches is described in docs/operations.md. Works on a frozen and on a poisoned map too. The new
+        /// map exists once all of it is durable: a call that ends earlier leaves none. Maps that were merged into the
+        /// source cannot be taken out of the copy.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad field; a revision or time that the journal does not keep, or that is later than
+        ///  the map: ErrorInfo has oldest_revision and newest_revision, the message their times too.
+        /// * NOT_FOUND: no such map.
+        /// * ALREADY_EXISTS: new_map_id is taken.
+        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or streams, or
+        ///  the disk has no room just now.
+        /// * INTERNAL: a bug, or a journal that the disk does not give back.
+        pub async fn copy_map(
+            &mut self,
+            request: impl tonic::IntoRequest<super::CopyMapRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::CopyMapResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = crate::wire::Codec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/covis.v1.MapService/CopyMap",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("covis.v1.MapService", "CopyMap"));
+            self.inner.unary(req, path, codec).await
+        }
         /// Lists the maps by map_id.
         /// Codes:
         ///
@@ -5066,6 +5173,24 @@ pub mod map_service_server {
             tonic::Response<super::UpdateMapResponse>,
             tonic::Status,
         >;
+        /// Creates a map that holds what another one holds, now or at an earlier revision, which is read from the
+        /// journal. It has a uid of its own and begins at that revision; the source is not changed. How far back the
+        /// journal reaches is described in docs/operations.md. Works on a frozen and on a poisoned map too. The new
+        /// map exists once all of it is durable: a call that ends earlier leaves none. Maps that were merged into the
+        /// source cannot be taken out of the copy.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad field; a revision or time that the journal does not keep, or that is later than
+        ///  the map: ErrorInfo has oldest_revision and newest_revision, the message their times too.
+        /// * NOT_FOUND: no such map.
+        /// * ALREADY_EXISTS: new_map_id is taken.
+        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or streams, or
+        ///  the disk has no room just now.
+        /// * INTERNAL: a bug, or a journal that the disk does not give back.
+        async fn copy_map(
+            &self,
+            request: tonic::Request<super::CopyMapRequest>,
+        ) -> std::result::Result<tonic::Response<super::CopyMapResponse>, tonic::Status>;
         /// Lists the maps by map_id.
         /// Codes:
         ///
@@ -5492,6 +5617,51 @@ pub mod map_service_server {
                     let inner = self.inner.clone();
                     let fut = async move {
                         let method = UpdateMapSvc(inner);
+                        let codec = crate::wire::Codec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/covis.v1.MapService/CopyMap" => {
+                    #[allow(non_camel_case_types)]
+                    struct CopyMapSvc<T: MapService>(pub Arc<T>);
+                    impl<
+                        T: MapService,
+                    > tonic::server::UnaryService<super::CopyMapRequest>
+                    for CopyMapSvc<T> {
+                        type Response = super::CopyMapResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::CopyMapRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as MapService>::copy_map(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = CopyMapSvc(inner);
                         let codec = crate::wire::Codec::default();
                         let mut grpc = tonic::server::Grpc::new(codec)
                             .apply_compression_config(

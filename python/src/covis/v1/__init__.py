@@ -116,6 +116,8 @@ from .map_service_pb2 import GetMapRequest as GetMapRequest
 from .map_service_pb2 import GetMapResponse as GetMapResponse
 from .map_service_pb2 import UpdateMapRequest as UpdateMapRequest
 from .map_service_pb2 import UpdateMapResponse as UpdateMapResponse
+from .map_service_pb2 import CopyMapRequest as CopyMapRequest
+from .map_service_pb2 import CopyMapResponse as CopyMapResponse
 from .map_service_pb2 import ListMapsRequest as ListMapsRequest
 from .map_service_pb2 import ListMapsResponse as ListMapsResponse
 from .map_service_pb2 import DeleteMapRequest as DeleteMapRequest

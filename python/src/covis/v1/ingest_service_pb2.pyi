@@ -183,7 +183,7 @@ class IngestResponse(_message.Message):
     def __init__(self, opened: _Optional[_Union[IngestOpened, _Mapping]] = ..., ack: _Optional[_Union[IngestAck, _Mapping]] = ...) -> None: ...
 
 class IngestOpened(_message.Message):
-    __slots__ = ("next_sequence", "epoch", "durability", "revision", "max_message_bytes", "limits", "lock_step", "map_uid", "optimized_sequence")
+    __slots__ = ("next_sequence", "epoch", "durability", "revision", "max_message_bytes", "limits", "lock_step", "map_uid", "optimized_sequence", "next_keyframe_id", "next_landmark_id")
     NEXT_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     DURABILITY_FIELD_NUMBER: _ClassVar[int]
@@ -193,6 +193,8 @@ class IngestOpened(_message.Message):
     LOCK_STEP_FIELD_NUMBER: _ClassVar[int]
     MAP_UID_FIELD_NUMBER: _ClassVar[int]
     OPTIMIZED_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    NEXT_KEYFRAME_ID_FIELD_NUMBER: _ClassVar[int]
+    NEXT_LANDMARK_ID_FIELD_NUMBER: _ClassVar[int]
     next_sequence: int
     epoch: int
     durability: Durability
@@ -202,7 +204,9 @@ class IngestOpened(_message.Message):
     lock_step: bool
     map_uid: str
     optimized_sequence: int
-    def __init__(self, next_sequence: _Optional[int] = ..., epoch: _Optional[int] = ..., durability: _Optional[_Union[Durability, str]] = ..., revision: _Optional[int] = ..., max_message_bytes: _Optional[int] = ..., limits: _Optional[_Union[_map_pb2.MapLimits, _Mapping]] = ..., lock_step: bool = ..., map_uid: _Optional[str] = ..., optimized_sequence: _Optional[int] = ...) -> None: ...
+    next_keyframe_id: int
+    next_landmark_id: int
+    def __init__(self, next_sequence: _Optional[int] = ..., epoch: _Optional[int] = ..., durability: _Optional[_Union[Durability, str]] = ..., revision: _Optional[int] = ..., max_message_bytes: _Optional[int] = ..., limits: _Optional[_Union[_map_pb2.MapLimits, _Mapping]] = ..., lock_step: bool = ..., map_uid: _Optional[str] = ..., optimized_sequence: _Optional[int] = ..., next_keyframe_id: _Optional[int] = ..., next_landmark_id: _Optional[int] = ...) -> None: ...
 
 class IngestAck(_message.Message):
     __slots__ = ("sequence", "status", "revision", "duplicate", "violations", "solve_id", "solve_summary", "solve_failure")

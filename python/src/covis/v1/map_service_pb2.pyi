@@ -88,6 +88,30 @@ class UpdateMapResponse(_message.Message):
     map: _map_pb2.Map
     def __init__(self, map: _Optional[_Union[_map_pb2.Map, _Mapping]] = ...) -> None: ...
 
+class CopyMapRequest(_message.Message):
+    __slots__ = ("source_map_id", "new_map_id", "revision", "time", "state")
+    SOURCE_MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    NEW_MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    source_map_id: str
+    new_map_id: str
+    revision: int
+    time: _timestamp_pb2.Timestamp
+    state: _map_pb2.MapState
+    def __init__(self, source_map_id: _Optional[str] = ..., new_map_id: _Optional[str] = ..., revision: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[_map_pb2.MapState, str]] = ...) -> None: ...
+
+class CopyMapResponse(_message.Message):
+    __slots__ = ("map", "revision", "time")
+    MAP_FIELD_NUMBER: _ClassVar[int]
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    map: _map_pb2.Map
+    revision: int
+    time: _timestamp_pb2.Timestamp
+    def __init__(self, map: _Optional[_Union[_map_pb2.Map, _Mapping]] = ..., revision: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
+
 class ListMapsRequest(_message.Message):
     __slots__ = ("page_size", "page_token")
     PAGE_SIZE_FIELD_NUMBER: _ClassVar[int]

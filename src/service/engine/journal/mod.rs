@@ -5,6 +5,8 @@
 //! change that a crash could still undo (`MapHandle::durable`). When the journal fails, events that are
 //! applied but not durable get no DURABLE ack.
 
+pub(crate) mod history;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -15,11 +17,12 @@ use futures_util::future::BoxFuture;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
+use self::history::Moment;
 use crate::map::{ClientIndex, Event, Map};
 use crate::service::engine::context::MapContext;
 use crate::service::engine::events::Permit;
 use crate::service::engine::pool::{SolverPool, panic_message};
-use crate::service::engine::{Ack, AckStatus, Reservation, Resource, StreamEvent};
+use crate::service::engine::{Ack, AckStatus, PastState, Reservation, Resource, StreamEvent};
 use crate::store::{Epoch, Flushed, Position, Store, StoreError};
 
 /// Number of events after which a failed snapshot is tried again.
@@ -211,13 +214,9 @@ impl Journal {
 
     /// The map at `revision`, replayed from the journal; `None` if it cannot be.
     pub(crate) async fn restored(&self, revision: i64) -> Option<Map> {
-        let (map, events) = stored(&*self.shared.store, &self.shared.name).await.ok()?;
-        if map.revision() > revision {
-            return None;
-        }
-        let events = events.iter().map(AsRef::as_ref).filter(|e| e.revision <= revision);
-        let (map, _stopped) = replay(map, events);
-        (map.revision() == revision).then_some(map)
+        let (store, name) = (&*self.shared.store, &self.shared.name);
+        let (moment, newest) = (Moment::Revision(revision), PastState { revision, time_ns: 0 });
+        history::map_at(store, name, moment, newest, |_map| Ok(())).await.ok()
     }
 }
 

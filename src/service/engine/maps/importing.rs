@@ -60,6 +60,8 @@ pub struct ImportedAs {
     pub display_name: Option<String>,
     /// How the map is kept; `None` keeps that of the content.
     pub policy: Option<MapPolicy>,
+    /// Whether the map is frozen; `None` keeps the state of the content.
+    pub frozen: Option<bool>,
 }
 
 impl Maps {
@@ -94,8 +96,8 @@ impl Maps {
         if claim.map().is_some() {
             return Err(EngineError::MapExists { map: name.to_owned() });
         }
-        let ImportedAs { display_name, policy } = imported;
-        let content = content.imported(self.create_time_ns(), display_name, policy);
+        let ImportedAs { display_name, policy, frozen } = imported;
+        let content = content.imported(self.create_time_ns(), display_name, policy, frozen);
         let maps = self.clone();
         run_to_end(async move {
             let created = maps.create_claimed(claim, content, None).await;

@@ -6,6 +6,7 @@
 //! last: another change of the same name waits, so that two never run in the store at once. Dropping
 //! a claim leaves the name as it was last set, so that a name stays usable after a panic.
 
+pub(crate) mod copying;
 pub(crate) mod counts;
 pub(crate) mod importing;
 pub(crate) mod merging;

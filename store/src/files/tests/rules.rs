@@ -47,6 +47,11 @@ async fn snapshots_let_the_journal_shrink_and_the_last_two_stay() {
         }
         store.put_snapshot("a", epoch, Arc::new(fold(last as i64, 1))).await.unwrap();
         store.truncate("a", epoch, previous + 1).await.unwrap();
+        assert_eq!(store.replayable_from("a").await.unwrap(), [previous, last]);
+        let kept = store.snapshot_at("a", previous).await.unwrap();
+        let expected = (previous > 0).then(|| Arc::new(fold(previous as i64, 1)));
+        assert_eq!(kept, expected);
+        assert_eq!(store.snapshot_at("a", last - 1).await.unwrap(), None);
         previous = last;
         let names: Vec<String> = disk.files().into_iter().map(|(path, _)| path).collect();
         let snapshots = names.iter().filter(|name| name.ends_with(".snap")).count();
