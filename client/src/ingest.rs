@@ -19,7 +19,7 @@ use super::outbox::Outbox;
 use super::retry::{Retries, RetryPolicy};
 use super::spill::{LeftOver, SpillOptions};
 use super::stream::{self, Identity, Session, Shared};
-use super::{Client, ClientError};
+use super::{Client, ClientError, NextIds};
 use crate::wire::v1;
 
 pub use v1::ingest_request::Item;
@@ -173,6 +173,7 @@ pub struct IngestSession {
     sent: u64,
     /// The highest sequence of them; 0 before the first.
     last_sequence: i64,
+    next_ids: NextIds,
     client: Client,
     map_id: String,
     shared: Arc<Shared>,
@@ -216,8 +217,22 @@ impl IngestSession {
         let left = left_over.as_ref();
         let sent = left.map_or(0, |left| left.items);
         let last_sequence = left.map_or(0, |left| left.last_sequence);
+        let mut next_ids = left.map_or_else(NextIds::default, |left| left.next_ids);
+        let (keyframe, landmark) = (opened.next_keyframe_id, opened.next_landmark_id);
+        next_ids.join(NextIds { keyframe, landmark });
         let (client, map_id) = (client.clone(), map_id.to_owned());
-        Ok(Self { opened, left_over, sent, last_sequence, client, map_id, shared, state, task })
+        Ok(Self {
+            opened,
+            left_over,
+            sent,
+            last_sequence,
+            next_ids,
+            client,
+            map_id,
+            shared,
+            state,
+            task,
+        })
     }
 
     /// The server's answer to the first opening: limits, durability, where it goes on.
@@ -233,6 +248,18 @@ impl IngestSession {
     /// The sequence that [`IngestSession::send`] gives next.
     pub fn next_sequence(&self) -> i64 {
         self.opened.next_sequence.max(self.last_sequence + 1)
+    }
+
+    /// A keyframe id that is free: above those of this client's keyframes that the map holds, that an earlier
+    /// session left and that this one has sent. A frontend that starts again under its name counts on from
+    /// here. An earlier server does not report what the map holds.
+    pub fn next_keyframe_id(&self) -> i64 {
+        self.next_ids.keyframe
+    }
+
+    /// As [`IngestSession::next_keyframe_id`], for landmarks.
+    pub fn next_landmark_id(&self) -> i64 {
+        self.next_ids.landmark
     }
 
     /// Sends an item and returns its sequence; waits while too many items are unanswered and there
@@ -294,14 +321,15 @@ impl IngestSession {
         Ok(self.pushed(sequence))
     }
 
-    /// The message of an item that is not too large.
-    fn request(&self, sequence: i64, item: Item) -> Result<v1::IngestRequest, ClientError> {
+    /// The message of an item that is not too large, whose ids are taken from here on.
+    fn request(&mut self, sequence: i64, item: Item) -> Result<v1::IngestRequest, ClientError> {
         let request = v1::IngestRequest { sequence, item: Some(item) };
         let bytes = request.encoded_len();
         let limit = usize::try_from(self.opened.max_message_bytes).unwrap_or(usize::MAX);
         if bytes > limit {
             return Err(ClientError::TooLarge { bytes, limit });
         }
+        self.next_ids.take(request.item.as_ref());
         Ok(request)
     }
 

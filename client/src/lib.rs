@@ -18,6 +18,7 @@
 //! | [`depth_noise`] | standard deviations of measured depths |
 //! | `servers` | which of several servers a client talks to |
 //! | `stream` | the task behind a session: reconnects and resumes |
+//! | `next_ids` | the next free ids of keyframes and landmarks |
 //! | `outbox` | the items that the server has not answered yet |
 //! | `spill` | the file of those that memory does not hold |
 //! | `retry`, `error` | what is tried again, and when to give up |
@@ -34,6 +35,7 @@ mod ingest;
 mod jobs;
 mod link;
 mod mirror;
+mod next_ids;
 mod outbox;
 mod retry;
 mod servers;
@@ -70,6 +72,7 @@ pub use ingest::{
 pub use jobs::JobDownload;
 pub use link::LinkOptions;
 pub use mirror::{Key, MapChanges, MapMirror};
+pub use next_ids::NextIds;
 pub use retry::RetryPolicy;
 pub use servers::connect_channel;
 pub use spill::{LeftOver, SpillDamage, SpillOptions};

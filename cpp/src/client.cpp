@@ -177,4 +177,8 @@ v1::OptimizeMapResult Client::optimize(
     return *result;
 }
 
+v1::RefinePoseResponse Client::refine_pose(const v1::RefinePoseRequest& request) const {
+    return call(&v1::OptimizationService::Stub::RefinePose, request);
+}
+
 }  // namespace covis

@@ -4,6 +4,7 @@
 #include "covis/session.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <mutex>
 #include <set>
 
@@ -82,6 +83,9 @@ bool is_solved(const v1::IngestRequest& item) {
     }
 }
 
+/// The next id; the last one has none.
+std::int64_t after(std::int64_t id) { return id == std::numeric_limits<std::int64_t>::max() ? id : id + 1; }
+
 v1::Camera sized(std::int64_t id, int width_px, int height_px) {
     v1::Camera out;
     out.set_id(id);
@@ -113,6 +117,9 @@ struct Session::State {
     /// Held while an item is made and handed over: items are numbered in the order of the calls.
     std::mutex sending;
     std::set<std::int64_t> cameras;
+    /// One more than the highest id in the map or sent.
+    std::int64_t next_keyframe_id = 0;
+    std::int64_t next_landmark_id = 0;
 
     State(std::shared_ptr<const detail::Link> to, const std::string& map, const std::string& client,
           SessionOptions options)
@@ -137,6 +144,12 @@ struct Session::State {
         const auto& added = item.has_keyframe() ? item.keyframe().landmarks() : item.landmarks().landmarks();
         for (const auto& landmark : added) {
             named.push_back(landmark.id());
+        }
+        if (item.has_keyframe()) {
+            next_keyframe_id = std::max(next_keyframe_id, after(item.keyframe().id()));
+        }
+        for (const std::int64_t id : named) {
+            next_landmark_id = std::max(next_landmark_id, after(id));
         }
         std::vector<std::int64_t> gone;
         const auto is_own = [this](const v1::LandmarkRef& ref) {
@@ -171,6 +184,8 @@ Session Session::open(std::shared_ptr<const detail::Link> link, const std::strin
     Session session(std::make_unique<State>(link, map_id, client_id, std::move(options)));
     auto& stream = session.state_->stream;
     stream.open();
+    session.state_->next_keyframe_id = stream.first().next_keyframe_id();
+    session.state_->next_landmark_id = stream.first().next_landmark_id();
     if (stream.first().next_sequence() > 1) {
         // An earlier session of this client may have sent landmarks: they are not declared again.
         v1::ListLandmarksRequest request;
@@ -192,6 +207,14 @@ Session Session::open(std::shared_ptr<const detail::Link> link, const std::strin
 
 const v1::IngestOpened& Session::opened() const { return state_->stream.first(); }
 std::int64_t Session::next_sequence() const { return state_->stream.next_sequence(); }
+std::int64_t Session::next_keyframe_id() const {
+    const std::lock_guard<std::mutex> lock(state_->sending);
+    return state_->next_keyframe_id;
+}
+std::int64_t Session::next_landmark_id() const {
+    const std::lock_guard<std::mutex> lock(state_->sending);
+    return state_->next_landmark_id;
+}
 IngestReport Session::report() const { return state_->stream.report(); }
 
 std::int64_t Session::camera(const v1::Camera& camera) {

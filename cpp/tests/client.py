@@ -123,6 +123,13 @@ class Client:
         opened = driver.ask("ingest", map_id, client_id, int(lock_step), max_unanswered, *_retry(retry))
         return Session(driver, opened, on_ack)
 
+    def refine_pose(self, K, world_from_camera, points, pixels):
+        rows = np.column_stack([points, pixels])
+        intrinsics = (K[0, 0], K[1, 1], K[0, 2], K[1, 2])
+        words = (*intrinsics, *np.ravel(world_from_camera), len(rows), *np.ravel(rows))
+        row = self._calls.ask("refine", *words)["pose"]
+        return _poses.join_pose(row[:3], row[3:])
+
     def wait_settled(self, map_id, timeout=None):
         self._calls.ask("settled", map_id, _ms(timeout))
 
@@ -149,6 +156,14 @@ class Session:
     @property
     def next_sequence(self):
         return self._driver.ask("next")["sequence"]
+
+    @property
+    def next_keyframe_id(self):
+        return self._driver.ask("next")["keyframe"]
+
+    @property
+    def next_landmark_id(self):
+        return self._driver.ask("next")["landmark"]
 
     @property
     def report(self):

@@ -132,6 +132,10 @@ class Driver {
                                                                  count, covis::Vector3{1.0, 1.0, 1.0})));
         } else if (command == "next") {
             json.number("sequence", session_->next_sequence());
+            json.number("keyframe", session_->next_keyframe_id());
+            json.number("landmark", session_->next_landmark_id());
+        } else if (command == "refine") {
+            refine(words, json);
         } else if (command == "flush") {
             read<std::int64_t>(words);
             session_->flush(timeout(words));
@@ -240,6 +244,26 @@ class Driver {
         session_.emplace(client_->ingest(map_id, client_id, options));
         json.number("epoch", session_->opened().epoch());
         json.number("max_message_bytes", session_->opened().max_message_bytes());
+    }
+
+    void refine(std::istringstream& words, Json& json) {
+        covis::v1::RefinePoseRequest request;
+        const auto k = numbers<4>(words);
+        *request.mutable_camera() = covis::pinhole(0, 640, 480, k[0], k[1], k[2], k[3]);
+        *request.mutable_world_from_camera() = covis::Pose::from_matrix(numbers<16>(words)).message();
+        const auto count = read<std::size_t>(words);
+        for (std::size_t index = 0; index < count; ++index) {
+            const auto values = numbers<5>(words);
+            auto& seen = *request.add_observations();
+            seen.mutable_point_in_world()->set_x(values[0]);
+            seen.mutable_point_in_world()->set_y(values[1]);
+            seen.mutable_point_in_world()->set_z(values[2]);
+            seen.mutable_pixel()->set_x(values[3]);
+            seen.mutable_pixel()->set_y(values[4]);
+        }
+        const auto refined = client_->refine_pose(request);
+        const std::array<covis::Pose, 1> found{covis::Pose::from_message(refined.world_from_camera())};
+        json.list("pose", found, [](Json& out, const covis::Pose& pose) { write_pose(out.text(), pose); });
     }
 
     std::int64_t keyframe(std::istringstream& words) {

@@ -7,9 +7,10 @@ import covis
 import numpy as np
 import pytest
 from conftest import GUARD_S
-from scene import K, SIZE, keyframe
+from scene import K, POINTS, SIZE, keyframe, pose, view
 from test_outages import digest, drive
 from test_session import (  # noqa: F401
+    test_a_frontend_that_starts_again_counts_on_from_the_ids_of_its_client,
     test_a_refused_item_is_told_by_whoever_waits_and_the_session_goes_on,
 )
 
@@ -34,6 +35,13 @@ def test_landmarks_are_declared_once_also_by_the_next_session(client, linked):
             session.keyframe(**keyframe(first))
     counts = client.get_map("room").counts
     assert (counts.keyframe_count, counts.landmark_count) == (2, 60)
+
+
+def test_a_pose_is_refined_over_known_points(linked):
+    pixels, _ = view(1)
+    assert np.allclose(linked.refine_pose(K, pose(1, 0.05), POINTS, pixels), pose(1), atol=1e-6)
+    with pytest.raises(covis.InvalidArgument, match="observations"):
+        linked.refine_pose(K, pose(1), POINTS[:2], pixels[:2])
 
 
 def test_an_item_that_is_too_large_is_not_sent(linked):

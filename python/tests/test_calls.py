@@ -203,6 +203,21 @@ def test_a_pose_graph_in_the_plane_and_in_space_is_solved(client, size):
         client.solve_pose_graph(np.arange(12), None, pairs, steps, np.ones((2, size, size)))
 
 
+def test_a_pose_is_refined_over_known_points(client):
+    pixels, depths = view(1)
+    camera = covis.camera(0, *SIZE, K)
+    found = client.refine_pose(camera, pose(1, 0.05), POINTS, pixels, depths, include_information=True)
+    assert np.allclose(found.world_from_camera, pose(1), atol=1e-6)
+    assert found.information.shape == (6, 6) and (np.linalg.eigvalsh(found.information) > 0).all()
+    assert found.summary.final_cost < found.summary.initial_cost
+    alone = client.refine_pose(camera, pose(1, 0.05), POINTS, pixels, loss="cauchy:2", max_iterations=30)
+    assert np.allclose(alone.world_from_camera, pose(1), atol=1e-6) and alone.information is None
+    with pytest.raises(ValueError, match="points must be one a pixel, 60, not 2"):
+        client.refine_pose(camera, pose(1), POINTS[:2], pixels)
+    with pytest.raises(covis.InvalidArgument, match="observations"):
+        client.refine_pose(camera, pose(1), POINTS[:2], pixels[:2])
+
+
 def place(seed, count=400):
     """A wall that is nowhere flat, each point with a descriptor of its own."""
     random = np.random.default_rng(seed)

@@ -66,6 +66,26 @@ def test_landmarks_are_declared_once_also_by_the_next_session(client):
     assert (counts.keyframe_count, counts.landmark_count, counts.camera_count) == (3, 61, 1)
 
 
+def test_a_frontend_that_starts_again_counts_on_from_the_ids_of_its_client(client, linked):
+    def free(session):
+        return session.next_keyframe_id, session.next_landmark_id
+
+    with linked.ingest("room", "robot") as session:
+        assert free(session) == (0, 0)
+        session.camera(0, *SIZE, K)
+        for count in (1, 2):
+            session.keyframe(**keyframe(session.next_keyframe_id))
+            assert free(session) == (count, len(LANDMARKS))
+    with linked.ingest("room", "robot") as session:
+        assert free(session) == (2, len(LANDMARKS))
+        session.camera(0, *SIZE, K)
+        session.keyframe(**keyframe(session.next_keyframe_id))
+    with linked.ingest("room", "other") as session:
+        assert free(session) == (0, 0)
+    counts = client.get_map("room").counts
+    assert (counts.keyframe_count, counts.landmark_count) == (3, len(LANDMARKS))
+
+
 def test_a_refused_item_is_told_by_whoever_waits_and_the_session_goes_on(client, linked):
     with linked.ingest("room", "robot") as session:
         session.camera(0, *SIZE, K)

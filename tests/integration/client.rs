@@ -48,6 +48,34 @@ async fn hold_keyframes(server: &TestServer, count: i64) {
 }
 
 #[test]
+fn a_frontend_that_starts_again_counts_on_from_the_ids_of_its_client() {
+    run(async {
+        let (_server, _proxy, client) = linked().await;
+        let free =
+            |session: &IngestSession| (session.next_keyframe_id(), session.next_landmark_id());
+        let mut first = session(&client, SessionOptions::default()).await;
+        assert_eq!(free(&first), (0, 0));
+        first.send(camera(0)).await.unwrap();
+        for count in 1..3 {
+            first.send(keyframe(first.next_keyframe_id())).await.unwrap();
+            assert_eq!(first.next_keyframe_id(), count);
+        }
+        let landmarks = v1::LandmarkBatch { landmarks: vec![landmark(500)] };
+        first.send(landmarks).await.unwrap();
+        assert_eq!(free(&first), (2, 501));
+        let report = first.finish().await.unwrap();
+        assert_eq!((report.acknowledged, report.rejected), (4, 0), "{report:?}");
+        let mut second = session(&client, SessionOptions::default()).await;
+        assert_eq!(free(&second), (2, 501));
+        second.send(keyframe(second.next_keyframe_id())).await.unwrap();
+        let report = second.finish().await.unwrap();
+        assert_eq!((report.acknowledged, report.rejected), (1, 0), "{report:?}");
+        let other = client.ingest("room", "other", SessionOptions::default()).await.unwrap();
+        assert_eq!(free(&other), (0, 0));
+    });
+}
+
+#[test]
 fn a_session_sends_takes_acks_and_reports() {
     run(async {
         let (_server, _proxy, client) = linked().await;

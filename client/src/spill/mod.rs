@@ -22,7 +22,7 @@ use std::sync::Arc;
 use fs_err as fs;
 use prost::Message;
 
-use super::ClientError;
+use super::{ClientError, NextIds};
 use crate::wire::v1;
 
 const MAGIC: &[u8] = b"COVISSP1";
@@ -47,6 +47,8 @@ pub struct LeftOver {
     pub items: u64,
     /// The sequence of the last one.
     pub last_sequence: i64,
+    /// Above the ids that they bring.
+    pub next_ids: NextIds,
     /// What could not be read.
     pub damage: Option<SpillDamage>,
 }
@@ -123,7 +125,7 @@ impl Spill {
         };
         let mut spill = Self::over(Box::new(file), path.clone(), options.max_bytes, map_uid);
         let left = spill.scan().map_err(failed)?;
-        let Some((found, items)) = left else { return Ok((spill, None)) };
+        let Some((found, items, next_ids)) = left else { return Ok((spill, None)) };
         if found.uid.as_deref().is_some_and(|uid| uid != map_uid) {
             let (expected, uid) = (found.uid.unwrap_or_default(), map_uid.to_owned());
             return Err(ClientError::SpillOfAnotherMap { path, expected, uid });
@@ -135,7 +137,8 @@ impl Spill {
         if items == 0 {
             spill.clear();
         }
-        let left = LeftOver { path, items, last_sequence: spill.last_sequence, damage };
+        let last_sequence = spill.last_sequence;
+        let left = LeftOver { path, items, last_sequence, next_ids, damage };
         Ok((spill, Some(left)))
     }
 
@@ -234,7 +237,7 @@ impl Spill {
 
     /// Reads a file from its beginning up to what is no item, and takes that for its length. `None`
     /// for an empty file.
-    fn scan(&mut self) -> io::Result<Option<(ScanResult, u64)>> {
+    fn scan(&mut self) -> io::Result<Option<(ScanResult, u64, NextIds)>> {
         let bytes = self.medium.seek(SeekFrom::End(0))?;
         if bytes == 0 {
             return Ok(None);
@@ -245,18 +248,21 @@ impl Spill {
         self.medium.as_mut().take(head).read_to_end(&mut magic)?;
         let uid = if magic == MAGIC { self.read_at(head, bytes)? } else { None };
         let uid = uid.and_then(|uid| String::from_utf8(uid).ok());
-        let Some(uid) = uid else { return Ok(Some((ScanResult { uid: None, bytes }, 0))) };
+        let (mut items, mut next_ids) = (0, NextIds::default());
+        let Some(uid) = uid else {
+            return Ok(Some((ScanResult { uid: None, bytes }, items, next_ids)));
+        };
         let mut at = head + (FRAME_HEAD + uid.len()) as u64;
         (self.unread, self.length) = (at, at);
-        let mut items = 0;
         while let Some(payload) = self.read_at(at, bytes)? {
             let item = v1::IngestRequest::decode(payload.as_slice()).ok();
             let Some(item) = item.filter(|item| item.sequence > self.last_sequence) else { break };
             at += (FRAME_HEAD + payload.len()) as u64;
             (self.length, self.last_sequence) = (at, item.sequence);
+            next_ids.take(item.item.as_ref());
             items += 1;
         }
-        Ok(Some((ScanResult { uid: Some(uid), bytes }, items)))
+        Ok(Some((ScanResult { uid: Some(uid), bytes }, items, next_ids)))
     }
 
     /// The payload of the frame at `offset` in a file of `end` bytes; `None` where there is none.

@@ -72,6 +72,9 @@ class Client {
     v1::OptimizeMapResult optimize(
         const v1::OptimizeMapRequest& request,
         const std::function<void(const v1::IterationSummary&)>& on_iteration = {}) const;
+    /// Refines the pose of one camera over known points (motion-only), in milliseconds; no map is involved.
+    /// Throws `kRpc` with INVALID_ARGUMENT.
+    v1::RefinePoseResponse refine_pose(const v1::RefinePoseRequest& request) const;
 
     /// Makes any call of the wire with one answer, for instance
     /// `client.call(&v1::MapService::Stub::ListMaps, request)`. Throws `kRpc`.

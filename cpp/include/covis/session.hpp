@@ -70,6 +70,11 @@ class Session {
     const v1::IngestOpened& opened() const;
     /// The sequence that the next item gets.
     std::int64_t next_sequence() const;
+    /// A keyframe id that is free: above those of this client's keyframes that the map holds and that this
+    /// session has sent. A frontend that starts again under its name counts on from here.
+    std::int64_t next_keyframe_id() const;
+    /// As `next_keyframe_id`, for landmarks.
+    std::int64_t next_landmark_id() const;
     /// How far the session has come.
     IngestReport report() const;
 

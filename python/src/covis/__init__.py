@@ -23,7 +23,7 @@ from ._link import LinkOptions
 from ._maps import MapDigests
 from ._mirror import Closure, MapChanges
 from ._poses import join_pose, split_pose
-from ._problems import BundleSolution, Localization, PoseGraphSolution
+from ._problems import BundleSolution, Localization, PoseGraphSolution, RefinedPose
 from ._retry import RetryPolicy
 from ._stream import IngestReport
 from ._sync import Client, Map, Session, connect, local
@@ -109,6 +109,7 @@ __all__ = [
     "PoseGraphSolution",
     "position_information",
     "Protocol",
+    "RefinedPose",
     "Rejected",
     "RejectedItem",
     "ResourceExhausted",

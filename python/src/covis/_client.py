@@ -22,7 +22,7 @@ from ._link import Link
 from ._map import Map, WatchOptions
 from ._maps import MapDigests
 from ._mirror import MapChanges
-from ._problems import BundleSolution, Localization, PoseGraphSolution
+from ._problems import BundleSolution, Localization, PoseGraphSolution, RefinedPose
 from ._retry import Retries, RetryPolicy
 from ._server import LocalServer
 from ._session import Session
@@ -65,7 +65,7 @@ from .v1 import (
 from .v1 import Map as MapInfo
 
 _ENDED = (JobState.JOB_STATE_SUCCEEDED, JobState.JOB_STATE_FAILED, JobState.JOB_STATE_CANCELLED)
-_SOLVING = ("RefinePose", "Localize", "SolveBundle", "SolvePoseGraph", "MergeMaps", "UndoMerge")
+_SOLVING = ("RefinePose", "Localize", "SolveBundle", "SolvePoseGraph", "CopyMap", "MergeMaps", "UndoMerge")
 
 
 class Client:
@@ -410,6 +410,40 @@ class Client:
         kind = "se3" if type(graph).__name__ == "PoseGraphSe3" else "se2"
         getattr(request, kind).CopyFrom(graph)
         return _problems.graph_solution(await self._link.unary(request, solves=True))
+
+    async def refine_pose(
+        self,
+        camera: Camera,
+        world_from_camera: npt.ArrayLike,
+        points: npt.ArrayLike,
+        pixels: npt.ArrayLike,
+        depths: npt.ArrayLike | None = None,
+        sigmas: npt.ArrayLike | None = None,
+        *,
+        sigma_px: npt.ArrayLike | None = None,
+        loss: str | None = None,
+        max_iterations: int | None = None,
+        include_information: bool = False,
+    ) -> RefinedPose:
+        """Refines the pose of one camera over known points (motion-only), in milliseconds; no map is involved.
+
+        - `camera`: from `covis.camera`. `world_from_camera`: 4×4, the start.
+        - `points`: N×3, world frame, m, at least 3. Row k of `pixels`, N×2, px, is where point k is seen;
+          `depths`, `sigmas` and `sigma_px` are as in `Session.keyframe`.
+        - `loss`: such as "huber:2", the default.
+        - `include_information`: the information matrix of the pose.
+
+        Raises `InvalidArgument` for a pose that cannot be refined as posed.
+        """
+        request = _problems.refine_request(
+            camera, world_from_camera, points, pixels, depths, sigmas, sigma_px
+        )
+        chosen = _problems.loss(loss)
+        if chosen is not None:
+            request.loss.CopyFrom(chosen)
+        request.options.CopyFrom(_problems.options(max_iterations, None))
+        request.include_information = include_information
+        return _problems.refined(await self._link.unary(request, solves=True))
 
     async def localize(
         self,

@@ -29,6 +29,8 @@ from .v1 import (
     PoseGraphSe2,
     PoseGraphSe3,
     PoseGraphStart,
+    RefinePoseRequest,
+    RefinePoseResponse,
     RobustKernel,
     SolverOptions,
     SolveSummary,
@@ -82,6 +84,18 @@ class Localization:
     """Landmark by index of the feature that shows it."""
     response: LocalizeResponse
     """All that the server answered."""
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedPose:
+    """What `refine_pose` found."""
+
+    world_from_camera: Array
+    """4×4."""
+    summary: SolveSummary
+    """The certificate: termination, cost before and after, residuals."""
+    information: Array | None
+    """6×6, of a right perturbation of the pose, translation first. Only when asked for."""
 
 
 def loss(text: str | None) -> Loss | None:
@@ -245,6 +259,36 @@ def graph_solution(response: Any) -> PoseGraphSolution:
         response.chordal_certificate if has_certificate else None,
         list(response.iterations),
     )
+
+
+def refine_request(
+    camera: Camera,
+    world_from_camera: npt.ArrayLike,
+    points: npt.ArrayLike,
+    pixels: npt.ArrayLike,
+    depths: npt.ArrayLike | None,
+    sigmas: npt.ArrayLike | None,
+    sigma_px: npt.ArrayLike | None,
+) -> RefinePoseRequest:
+    """A camera over known points."""
+    xyz = _poses.shaped("points", points, None, 3)
+    if len(xyz) != len(np.asarray(pixels)):
+        raise ValueError(f"points must be one a pixel, {len(np.asarray(pixels))}, not {len(xyz)}")
+    columns = _rows.nested(1, _rows.doubles(1, xyz))
+    columns += _items.measurements(pixels, depths, sigmas, sigma_px, 2)
+    pose = _poses.rigid("world_from_camera", world_from_camera)
+    request = RefinePoseRequest(camera=camera, world_from_camera=pose)
+    request.MergeFromString(_rows.join(_rows.nested(3, columns)))
+    return request
+
+
+def refined(response: RefinePoseResponse) -> RefinedPose:
+    """The answer to a camera over known points."""
+    information = None
+    if response.HasField("information"):
+        information = unpack_symmetric(list(response.information.upper_triangle))
+    pose = _poses.from_message(response.world_from_camera)
+    return RefinedPose(pose, response.summary, information)
 
 
 def localize_request(

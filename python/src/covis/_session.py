@@ -57,12 +57,16 @@ class Session:
         self._options = options
         self._stream = Stream(link, map_id, client_id, options)
         self._last_sequence = 0
+        self._next_keyframe = 0
+        self._next_landmark = 0
         self._cameras: set[int] = set()
         self._landmarks: set[int] = set()
         self._stream.on_dismissed = self._forget
 
     async def _open(self) -> None:
         await self._stream.open()
+        self._next_keyframe = self.opened.next_keyframe_id
+        self._next_landmark = self.opened.next_landmark_id
         if self.opened.next_sequence > 1:
             # An earlier session of this client may have sent landmarks: they are not declared again.
             request = ListLandmarksRequest(map_id=self._map_id)
@@ -97,6 +101,17 @@ class Session:
     def next_sequence(self) -> int:
         """The sequence that the next item gets."""
         return max(self.opened.next_sequence, self._last_sequence + 1)
+
+    @property
+    def next_keyframe_id(self) -> int:
+        """A keyframe id that is free: above those of this client's keyframes that the map holds and that
+        this session has sent. A frontend that starts again under its name counts on from here."""
+        return self._next_keyframe
+
+    @property
+    def next_landmark_id(self) -> int:
+        """As `next_keyframe_id`, for landmarks."""
+        return self._next_landmark
 
     @property
     def unanswered(self) -> tuple[IngestRequest, ...]:
@@ -193,7 +208,7 @@ class Session:
             start = None if points is None else points[first[fresh]]
             added = _items.landmarks(10, unique[fresh], start)
         payload = head.SerializeToString() + seen + added
-        return await self._send(_items.KEYFRAME, payload, True, declared=declared)
+        return await self._send(_items.KEYFRAME, payload, True, declared=declared, keyframe=id)
 
     async def observations(
         self,
@@ -310,7 +325,10 @@ class Session:
         new = item.landmarks if isinstance(item, (Keyframe, LandmarkBatch)) else ()
         declared = {mark.id for mark in new} - self._landmarks
         field, payload = field or _items.field_of(item), item.SerializeToString()
-        sent = await self._send(field, payload, is_solved, sequence=sequence, declared=declared)
+        keyframe = item.id if isinstance(item, Keyframe) else None
+        sent = await self._send(
+            field, payload, is_solved, sequence=sequence, declared=declared, keyframe=keyframe
+        )
         if isinstance(item, Camera) and not is_set_camera:
             self._cameras.add(item.id)
         gone = item.landmarks if isinstance(item, RemoveLandmarks) else ()
@@ -411,6 +429,7 @@ class Session:
         *,
         sequence: int | None = None,
         declared: AbstractSet[int] = frozenset(),
+        keyframe: int | None = None,
     ) -> int:
         """Waits for room and hands an item over. Canceling it before it returns sends nothing."""
         if sequence is not None and sequence <= self._last_sequence:
@@ -422,6 +441,9 @@ class Session:
             raise TooLarge(size, limit)
         # Also for those who send while this one waits.
         self._landmarks |= declared
+        self._next_landmark = max(self._next_landmark, max(declared, default=-1) + 1)
+        if keyframe is not None:
+            self._next_keyframe = max(self._next_keyframe, keyframe + 1)
         try:
             await self._stream.room()
         except BaseException:

@@ -19,7 +19,7 @@ from ._link import LinkOptions
 from ._loop import Blocking, iterate, run
 from ._maps import MapDigests
 from ._mirror import Array, Closure, Key, MapChanges
-from ._problems import BundleSolution, Localization, PoseGraphSolution
+from ._problems import BundleSolution, Localization, PoseGraphSolution, RefinedPose
 from ._retry import RetryPolicy
 from ._stream import IngestReport
 from .errors import RejectedItem
@@ -195,6 +195,19 @@ class Client(Blocking[_client.Client]):
         """
         return run(lambda: self._twin.solve_pose_graph(ids, world_from_vertex, edges, i_from_j, information, fixed=fixed, trusted=trusted, robust=robust, certify=certify, loss=loss, start=start, max_iterations=max_iterations, time_limit_s=time_limit_s, include_iterations=include_iterations))
 
+    def refine_pose(self, camera: Camera, world_from_camera: npt.ArrayLike, points: npt.ArrayLike, pixels: npt.ArrayLike, depths: npt.ArrayLike | None=None, sigmas: npt.ArrayLike | None=None, *, sigma_px: npt.ArrayLike | None=None, loss: str | None=None, max_iterations: int | None=None, include_information: bool=False) -> RefinedPose:
+        """Refines the pose of one camera over known points (motion-only), in milliseconds; no map is involved.
+
+        - `camera`: from `covis.camera`. `world_from_camera`: 4×4, the start.
+        - `points`: N×3, world frame, m, at least 3. Row k of `pixels`, N×2, px, is where point k is seen;
+          `depths`, `sigmas` and `sigma_px` are as in `Session.keyframe`.
+        - `loss`: such as "huber:2", the default.
+        - `include_information`: the information matrix of the pose.
+
+        Raises `InvalidArgument` for a pose that cannot be refined as posed.
+        """
+        return run(lambda: self._twin.refine_pose(camera, world_from_camera, points, pixels, depths, sigmas, sigma_px=sigma_px, loss=loss, max_iterations=max_iterations, include_information=include_information))
+
     def localize(self, map_id: str, camera: Camera, pixels: npt.ArrayLike, descriptors: npt.ArrayLike, depths: npt.ArrayLike | None=None, sigmas: npt.ArrayLike | None=None, *, sigma_px: npt.ArrayLike | None=None, descriptor_name: str='', descriptor_kind: str | None=None) -> Localization | None:
         """Finds where a camera is in a map by what it sees; `None` where no place is recognized, or where
         two that contradict each other are recognized equally well.
@@ -259,6 +272,18 @@ class Session(Blocking[_session.Session]):
     def next_sequence(self) -> int:
         """The sequence that the next item gets."""
         return self._twin.next_sequence
+
+    @property
+    def next_keyframe_id(self) -> int:
+        """A keyframe id that is free: above those of this client's keyframes that the map holds and that
+        this session has sent. A frontend that starts again under its name counts on from here.
+        """
+        return self._twin.next_keyframe_id
+
+    @property
+    def next_landmark_id(self) -> int:
+        """As `next_keyframe_id`, for landmarks."""
+        return self._twin.next_landmark_id
 
     @property
     def unanswered(self) -> tuple[IngestRequest, ...]:
