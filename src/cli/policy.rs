@@ -264,13 +264,13 @@ impl PolicyFile {
         let mut named = Vec::new();
         for (key, value) in &table {
             let line = |span: std::ops::Range<usize>| line_of(text, span.start);
-            match value.get_ref() {
-                DeValue::Table(inner) if IN_PARTS.contains(&&**key.get_ref()) => {
-                    let path = |part: &str| format!("policy.{}.{part}", key.get_ref());
-                    named
-                        .extend(inner.keys().map(|part| (path(part.get_ref()), line(part.span()))));
-                }
-                _ => named.push((format!("policy.{}", key.get_ref()), line(key.span()))),
+            if let DeValue::Table(inner) = value.get_ref()
+                && IN_PARTS.contains(&&**key.get_ref())
+            {
+                let path = |part: &str| format!("policy.{}.{part}", key.get_ref());
+                named.extend(inner.keys().map(|part| (path(part.get_ref()), line(part.span()))));
+            } else {
+                named.push((format!("policy.{}", key.get_ref()), line(key.span())));
             }
         }
         Ok(Self { path: path.to_owned(), policy, named })

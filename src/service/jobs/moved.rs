@@ -9,7 +9,10 @@ use crate::map::{ClientIndex, EntityId, Keyframe, Map};
 const SHOWN: usize = 2000;
 
 /// Positions of keyframes by client, in the order of their capture.
-pub(super) struct Positions(Vec<(String, Vec<(EntityId, [f64; 3])>)>);
+pub(super) struct Positions(Vec<OfClient>);
+
+/// A client's name, and where its keyframes are.
+type OfClient = (String, Vec<(EntityId, [f64; 3])>);
 
 impl Positions {
     /// Those of a map, evenly thinned out where they are many.
@@ -31,7 +34,7 @@ impl Positions {
 
     /// Adds them to a report, with where the same keyframes are in `after`.
     pub(super) fn tell(self, after: &Map, to: &mut Value) {
-        let trajectory = |(client, before): (String, Vec<(EntityId, [f64; 3])>)| {
+        let trajectory = |(client, before): OfClient| {
             let here = |(id, before): (EntityId, [f64; 3])| {
                 let after = after.keyframes().get(&id)?.world_from_camera.translation;
                 Some((before, <[f64; 3]>::from(after)))
