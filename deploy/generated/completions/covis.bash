@@ -217,6 +217,9 @@ _covis() {
             covis__subcmd__help__subcmd__map,constraints)
                 cmd="covis__subcmd__help__subcmd__map__subcmd__constraints"
                 ;;
+            covis__subcmd__help__subcmd__map,create)
+                cmd="covis__subcmd__help__subcmd__map__subcmd__create"
+                ;;
             covis__subcmd__help__subcmd__map,delete)
                 cmd="covis__subcmd__help__subcmd__map__subcmd__delete"
                 ;;
@@ -238,8 +241,20 @@ _covis() {
             covis__subcmd__help__subcmd__map,merge)
                 cmd="covis__subcmd__help__subcmd__map__subcmd__merge"
                 ;;
+            covis__subcmd__help__subcmd__map,rename)
+                cmd="covis__subcmd__help__subcmd__map__subcmd__rename"
+                ;;
+            covis__subcmd__help__subcmd__map,restore)
+                cmd="covis__subcmd__help__subcmd__map__subcmd__restore"
+                ;;
+            covis__subcmd__help__subcmd__map,set)
+                cmd="covis__subcmd__help__subcmd__map__subcmd__set"
+                ;;
             covis__subcmd__help__subcmd__map,show)
                 cmd="covis__subcmd__help__subcmd__map__subcmd__show"
+                ;;
+            covis__subcmd__help__subcmd__map,snapshot)
+                cmd="covis__subcmd__help__subcmd__map__subcmd__snapshot"
                 ;;
             covis__subcmd__help__subcmd__map,unfreeze)
                 cmd="covis__subcmd__help__subcmd__map__subcmd__unfreeze"
@@ -334,6 +349,9 @@ _covis() {
             covis__subcmd__map,constraints)
                 cmd="covis__subcmd__map__subcmd__constraints"
                 ;;
+            covis__subcmd__map,create)
+                cmd="covis__subcmd__map__subcmd__create"
+                ;;
             covis__subcmd__map,delete)
                 cmd="covis__subcmd__map__subcmd__delete"
                 ;;
@@ -361,11 +379,23 @@ _covis() {
             covis__subcmd__map,merge)
                 cmd="covis__subcmd__map__subcmd__merge"
                 ;;
+            covis__subcmd__map,rename)
+                cmd="covis__subcmd__map__subcmd__rename"
+                ;;
+            covis__subcmd__map,restore)
+                cmd="covis__subcmd__map__subcmd__restore"
+                ;;
             covis__subcmd__map,rm)
                 cmd="covis__subcmd__map__subcmd__delete"
                 ;;
+            covis__subcmd__map,set)
+                cmd="covis__subcmd__map__subcmd__set"
+                ;;
             covis__subcmd__map,show)
                 cmd="covis__subcmd__map__subcmd__show"
+                ;;
+            covis__subcmd__map,snapshot)
+                cmd="covis__subcmd__map__subcmd__snapshot"
                 ;;
             covis__subcmd__map,unfreeze)
                 cmd="covis__subcmd__map__subcmd__unfreeze"
@@ -421,6 +451,9 @@ _covis() {
             covis__subcmd__map__subcmd__help,constraints)
                 cmd="covis__subcmd__map__subcmd__help__subcmd__constraints"
                 ;;
+            covis__subcmd__map__subcmd__help,create)
+                cmd="covis__subcmd__map__subcmd__help__subcmd__create"
+                ;;
             covis__subcmd__map__subcmd__help,delete)
                 cmd="covis__subcmd__map__subcmd__help__subcmd__delete"
                 ;;
@@ -445,8 +478,20 @@ _covis() {
             covis__subcmd__map__subcmd__help,merge)
                 cmd="covis__subcmd__map__subcmd__help__subcmd__merge"
                 ;;
+            covis__subcmd__map__subcmd__help,rename)
+                cmd="covis__subcmd__map__subcmd__help__subcmd__rename"
+                ;;
+            covis__subcmd__map__subcmd__help,restore)
+                cmd="covis__subcmd__map__subcmd__help__subcmd__restore"
+                ;;
+            covis__subcmd__map__subcmd__help,set)
+                cmd="covis__subcmd__map__subcmd__help__subcmd__set"
+                ;;
             covis__subcmd__map__subcmd__help,show)
                 cmd="covis__subcmd__map__subcmd__help__subcmd__show"
+                ;;
+            covis__subcmd__map__subcmd__help,snapshot)
+                cmd="covis__subcmd__map__subcmd__help__subcmd__snapshot"
                 ;;
             covis__subcmd__map__subcmd__help,unfreeze)
                 cmd="covis__subcmd__map__subcmd__help__subcmd__unfreeze"
@@ -1545,7 +1590,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__help__subcmd__map)
-            opts="list show closures constraints freeze unfreeze edit merge unmerge delete export import"
+            opts="list show create set rename closures constraints freeze unfreeze edit merge unmerge snapshot restore delete export import"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1573,6 +1618,20 @@ _covis() {
             return 0
             ;;
         covis__subcmd__help__subcmd__map__subcmd__constraints)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__help__subcmd__map__subcmd__create)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
@@ -1768,7 +1827,63 @@ _covis() {
             COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
             return 0
             ;;
+        covis__subcmd__help__subcmd__map__subcmd__rename)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__help__subcmd__map__subcmd__restore)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__help__subcmd__map__subcmd__set)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
         covis__subcmd__help__subcmd__map__subcmd__show)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__help__subcmd__map__subcmd__snapshot)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
@@ -1965,7 +2080,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help submit list ls show watch cancel delete rm fetch help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help submit list ls show watch cancel delete rm fetch help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1991,6 +2106,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2011,7 +2130,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__cancel)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2034,6 +2153,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -2057,7 +2180,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__delete)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2083,6 +2206,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2103,7 +2230,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__fetch)
-            opts="-h --out --force --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --out --force --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2130,6 +2257,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -2279,7 +2410,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__list)
-            opts="-h --map --state --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --map --state --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2313,6 +2444,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2333,7 +2468,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__show)
-            opts="-h --report --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --report --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2363,6 +2498,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2383,7 +2522,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__submit)
-            opts="-h --map --file --id --priority --wait --out --force --max-iterations --time-limit --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --all-points --json --server --ca --cert --key --token-file --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve rebuild"
+            opts="-h --map --file --id --priority --wait --out --force --max-iterations --time-limit --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --all-points --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve rebuild"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2457,6 +2596,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2477,7 +2620,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__watch)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2503,6 +2646,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2523,7 +2670,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__load)
-            opts="-h --maps --rate --seconds --observations --maps-per-connection --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --maps --rate --seconds --observations --maps-per-connection --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2569,6 +2716,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2589,7 +2740,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help list ls show closures constraints freeze unfreeze edit merge unmerge delete rm export import help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help list ls show create set rename closures constraints freeze unfreeze edit merge unmerge snapshot restore delete rm export import help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2615,6 +2766,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2635,7 +2790,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__closures)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2658,6 +2813,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -2681,7 +2840,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__constraints)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2704,6 +2863,68 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --config)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log-format)
+                    COMPREPLY=($(compgen -W "text json" -- "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__map__subcmd__create)
+            opts="-h --display-name --policy --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                --display-name)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --policy)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --ca)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --cert)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --key)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -2727,7 +2948,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__delete)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2753,6 +2974,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2773,7 +2998,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__edit)
-            opts="-h --client --optimized --json --server --ca --cert --key --token-file --config --log --log-format --help revoke-constraint remove-observations fuse-landmarks remove-landmarks remove-keyframe set-camera help"
+            opts="-h --client --optimized --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help revoke-constraint remove-observations fuse-landmarks remove-landmarks remove-keyframe set-camera help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2803,6 +3028,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -2823,7 +3052,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__edit__subcmd__fuse__subcmd__landmarks)
-            opts="-h --client --optimized --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --client --optimized --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -2850,6 +3079,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -2985,7 +3218,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__edit__subcmd__remove__subcmd__keyframe)
-            opts="-h --client --optimized --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --client --optimized --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3012,6 +3245,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -3035,7 +3272,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__edit__subcmd__remove__subcmd__landmarks)
-            opts="-h --client --optimized --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --client --optimized --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3062,6 +3299,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -3085,7 +3326,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__edit__subcmd__remove__subcmd__observations)
-            opts="-h --client --optimized --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --client --optimized --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3112,6 +3353,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -3135,7 +3380,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__edit__subcmd__revoke__subcmd__constraint)
-            opts="-h --client --optimized --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --client --optimized --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3165,6 +3410,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -3185,7 +3434,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__edit__subcmd__set__subcmd__camera)
-            opts="-h --size --client --optimized --json --server --ca --cert --key --token-file --config --log --log-format --help pinhole kannala-brandt snavely"
+            opts="-h --size --client --optimized --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help pinhole kannala-brandt snavely"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3219,6 +3468,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -3239,7 +3492,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__export)
-            opts="-h --format --out --force --all-points --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --format --out --force --all-points --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3273,6 +3526,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -3293,7 +3550,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__freeze)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3319,6 +3576,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -3339,7 +3600,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__help)
-            opts="list show closures constraints freeze unfreeze edit merge unmerge delete export import help"
+            opts="list show create set rename closures constraints freeze unfreeze edit merge unmerge snapshot restore delete export import help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3367,6 +3628,20 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__help__subcmd__constraints)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__map__subcmd__help__subcmd__create)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
@@ -3576,7 +3851,63 @@ _covis() {
             COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
             return 0
             ;;
+        covis__subcmd__map__subcmd__help__subcmd__rename)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__map__subcmd__help__subcmd__restore)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__map__subcmd__help__subcmd__set)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
         covis__subcmd__map__subcmd__help__subcmd__show)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__map__subcmd__help__subcmd__snapshot)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
@@ -3619,7 +3950,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__import)
-            opts="-h --format --client --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --format --client --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3653,6 +3984,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -3673,7 +4008,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__list)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3699,6 +4034,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -3719,7 +4058,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__merge)
-            opts="-h --rename --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --rename --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3749,6 +4088,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -3768,8 +4111,8 @@ _covis() {
             COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
             return 0
             ;;
-        covis__subcmd__map__subcmd__show)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+        covis__subcmd__map__subcmd__rename)
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3792,6 +4135,222 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --config)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log-format)
+                    COMPREPLY=($(compgen -W "text json" -- "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__map__subcmd__restore)
+            opts="-h --at --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                --at)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --ca)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --cert)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --key)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --config)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log-format)
+                    COMPREPLY=($(compgen -W "text json" -- "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__map__subcmd__set)
+            opts="-h --policy --reset --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                --policy)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --reset)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --ca)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --cert)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --key)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --config)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log-format)
+                    COMPREPLY=($(compgen -W "text json" -- "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__map__subcmd__show)
+            opts="-h --policy --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                --server)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --ca)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --cert)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --key)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --config)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log-format)
+                    COMPREPLY=($(compgen -W "text json" -- "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__map__subcmd__snapshot)
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                --server)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --ca)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --cert)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --key)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -3815,7 +4374,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__unfreeze)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3838,6 +4397,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -3861,7 +4424,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__unmerge)
-            opts="-h --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3884,6 +4447,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
@@ -3937,7 +4504,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__record)
-            opts="-h --force --follow --for --every --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --force --follow --for --every --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -3971,6 +4538,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -3991,7 +4562,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__replay)
-            opts="-h --map --append --replace --no-lock-step --rate --reconnect-for --spill-dir --spill-bytes --json --server --ca --cert --key --token-file --config --log --log-format --help"
+            opts="-h --map --append --replace --no-lock-step --rate --reconnect-for --spill-dir --spill-bytes --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4037,6 +4608,10 @@ _covis() {
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
+                --server-wait)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
                 --config)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -4057,7 +4632,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__run)
-            opts="-h --map --out --force --format --camera --depth-scale --color-topic --depth-topic --camera-info-topic --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --ca --cert --key --token-file --server --config --log --log-format --help"
+            opts="-h --map --out --force --format --camera --depth-scale --color-topic --depth-topic --camera-info-topic --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --ca --cert --key --token-file --server-wait --server --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4156,6 +4731,10 @@ _covis() {
                     return 0
                     ;;
                 --token-file)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --server-wait)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;
