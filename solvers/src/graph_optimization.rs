@@ -6,6 +6,8 @@
 
 use std::time::{Duration, Instant};
 
+use nalgebra::Vector3;
+
 use crate::certificate::{Certificate, certify};
 use crate::evaluation::{CostReport, FactorCost, ReferencePose, ResidualReport, pose_graph_cost};
 use crate::factors::RelativePose;
@@ -158,6 +160,18 @@ struct Placed {
     edge_variance_factor: f64,
 }
 
+/// Where the variables of a graph are.
+struct State<G> {
+    poses: Vec<G>,
+    landmarks: Vec<Vector3<f64>>,
+}
+
+impl<G: Copy> State<G> {
+    fn of<const N: usize>(graph: &PoseGraph<G, N>) -> Self {
+        Self { poses: graph.poses.clone(), landmarks: graph.landmarks.positions.clone() }
+    }
+}
+
 /// Multiplies the information of these edges.
 fn scale<G, const N: usize>(
     graph: &mut PoseGraph<G, N>,
@@ -189,8 +203,7 @@ impl Run<'_> {
     ) -> Result<Optimized, SolveError> {
         graph.hold_gauge();
         let begins_there = self.options.judging.is_some() || self.options.start == Start::Given;
-        let came_with =
-            (has_poses && begins_there && self.options.costs).then(|| graph.poses.clone());
+        let came_with = (has_poses && begins_there && self.options.costs).then(|| State::of(graph));
         if !graph.has_priors() {
             let optimized = self.stages(graph, has_poses, observer)?;
             return Ok(self.since(graph, came_with, optimized));
@@ -220,12 +233,13 @@ impl Run<'_> {
     fn since<G: ReferencePose<N>, const N: usize>(
         &self,
         graph: &PoseGraph<G, N>,
-        came_with: Option<Vec<G>>,
+        came_with: Option<State<G>>,
         optimized: Optimized,
     ) -> Optimized {
-        let Some(poses) = came_with else { return optimized };
+        let Some(State { poses, landmarks }) = came_with else { return optimized };
         let closures = optimized.judged.as_ref().map_or(&[][..], |judged| &judged.closures);
-        let kept = PoseGraph { poses, ..robust::weighted(graph, closures) };
+        let mut kept = PoseGraph { poses, ..robust::weighted(graph, closures) };
+        kept.landmarks.positions = landmarks;
         Optimized { before: self.cost(&kept), ..optimized }
     }
 
@@ -301,6 +315,7 @@ impl Run<'_> {
             }
         }
         graph.poses = copy.poses;
+        graph.landmarks.positions = copy.landmarks.positions;
         Ok(Placed { verdicts, trusted, edge_variance_factor: factor })
     }
 

@@ -67,7 +67,7 @@ fn linear_bytes<const D: usize>(pattern: &BlockPattern) -> u64 {
 ///
 /// # Errors
 /// Those of [`PoseGraph::validate`]; [`SolveError::InvalidOption`] where several poses are constant or
-/// there are priors, since the objective knows one gauge; [`SolveError::TooLarge`],
+/// there are priors or landmarks, since the objective knows one gauge; [`SolveError::TooLarge`],
 /// [`SolveError::TooExpensive`], [`SolveError::Interrupted`].
 pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
@@ -80,6 +80,10 @@ pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     }
     if graph.has_priors() {
         let reason = "a graph with priors cannot be certified";
+        return Err(SolveError::InvalidOption { field: "certify", reason });
+    }
+    if !graph.landmarks.is_empty() {
+        let reason = "a graph with landmarks cannot be certified";
         return Err(SolveError::InvalidOption { field: "certify", reason });
     }
     let matrix = data_matrix(graph);

@@ -4,12 +4,14 @@
 //! behind the camera count in the cost and are counted apart. Indices out of range make the cost NaN:
 //! whether a problem is well posed is the business of its `validate`.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{SVector, Vector3};
 
 use super::reference::{ReferencePose, Rigid, project};
 use super::residuals::{ResidualReport, bundle_residuals, pose_graph_residuals};
 use super::sum::CompensatedSum;
-use crate::factors::{PosePrior, PositionPrior, RelativePose};
+use crate::factors::{LandmarkMeasurement, PosePrior, PositionPrior, RelativePose, Sighting};
 use crate::information::Information;
 use crate::loss::Loss;
 use crate::problem::{BundleProblem, Observation, PoseGraph};
@@ -38,6 +40,8 @@ pub struct CostReport {
     pub pose_prior: FactorCost,
     /// Priors on positions.
     pub position_prior: FactorCost,
+    /// Measurements of landmarks by position, bearing or range.
+    pub landmark: FactorCost,
     /// √(Σ ‖(u, v) − measured‖² / N) over the N observations of both kinds, in pixels; no loss, no
     /// sigma. 0 without observations.
     pub rmse_px: f64,
@@ -56,6 +60,7 @@ impl CostReport {
             self.relative_pose,
             self.pose_prior,
             self.position_prior,
+            self.landmark,
         ] {
             total.add(part.cost);
         }
@@ -90,9 +95,10 @@ pub fn pose_graph_cost<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G,
     let (poses, whole, points) = (&graph.poses, &graph.pose_priors, &graph.position_priors);
     let pose_prior = pose_priors(whole, poses);
     let position_prior = position_priors(points, poses);
+    let landmark = landmarks(graph);
     let residuals = pose_graph_residuals(graph);
-    CostReport { relative_pose, pose_prior, position_prior, residuals, ..CostReport::default() }
-        .add_up()
+    let others = CostReport::default();
+    CostReport { relative_pose, pose_prior, position_prior, landmark, residuals, ..others }.add_up()
 }
 
 /// The cost of a bundle adjustment problem.
@@ -119,6 +125,7 @@ pub fn bundle_cost(problem: &BundleProblem) -> CostReport {
         relative_pose,
         pose_prior: pose_priors(&problem.pose_priors, &problem.poses),
         position_prior: position_priors(&problem.position_priors, &problem.poses),
+        landmark: FactorCost::default(),
         rmse_px: pixels.rmse_px(),
         behind_camera: pixels.behind_camera,
         residuals: bundle_residuals(problem),
@@ -238,6 +245,39 @@ fn position_priors<G: ReferencePose<N>, const N: usize>(
         tally.add(prior.loss, s);
     }
     tally.cost()
+}
+
+fn landmarks<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G, N>) -> FactorCost {
+    let mut tally = Tally::default();
+    for measurement in &graph.landmarks.measurements {
+        let s = landmark_residual(measurement, graph)
+            .map_or(f64::NAN, |residual| quadratic_form(&measurement.information, &residual));
+        tally.add(measurement.loss.unwrap_or(graph.loss), s);
+    }
+    tally.cost()
+}
+
+/// The residual of a measured landmark, rows that it does not have zero; `None` where an index has no
+/// variable.
+pub(super) fn landmark_residual<G: ReferencePose<N>, const N: usize>(
+    measurement: &LandmarkMeasurement,
+    graph: &PoseGraph<G, N>,
+) -> Option<Vector3<f64>> {
+    let point = graph.landmarks.positions.get(measurement.landmark)?;
+    let q = match measurement.pose {
+        Some(pose) => graph.poses.get(pose)?.reference_local(point),
+        None => *point,
+    };
+    Some(match measurement.sighting {
+        Sighting::Position(z) => q - z,
+        Sighting::Bearing(z) => {
+            let turns = (q.y.atan2(q.x) - z) / TAU;
+            Vector3::new((turns - turns.round()) * TAU, 0.0, 0.0)
+        }
+        Sighting::Range(z) => {
+            Vector3::new((q.x * q.x + q.y * q.y + q.z * q.z).sqrt() - z, 0.0, 0.0)
+        }
+    })
 }
 
 /// rᵀΩr, summed entry by entry.

@@ -28,6 +28,10 @@ pub trait ReferencePose<const N: usize>: LieGroup<N> {
 
     /// Where the pose takes a point of space; a motion of the plane leaves z as it is.
     fn reference_point(&self, point: &Vector3<f64>) -> Vector3<f64>;
+
+    /// The point of the pose's frame that the pose takes to `point`: the inverse of
+    /// [`ReferencePose::reference_point`].
+    fn reference_local(&self, point: &Vector3<f64>) -> Vector3<f64>;
 }
 
 impl ReferencePose<3> for Se2 {
@@ -41,6 +45,12 @@ impl ReferencePose<3> for Se2 {
         let (x, y) = (c * point.x - s * point.y, s * point.x + c * point.y);
         Vector3::new(x + t.x, y + t.y, point.z)
     }
+
+    fn reference_local(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        let Plane { c, s, t } = Plane::of(self);
+        let (x, y) = (point.x - t.x, point.y - t.y);
+        Vector3::new(c * x + s * y, c * y - s * x, point.z)
+    }
 }
 
 impl ReferencePose<6> for Se3 {
@@ -52,6 +62,10 @@ impl ReferencePose<6> for Se3 {
     fn reference_point(&self, point: &Vector3<f64>) -> Vector3<f64> {
         let rigid = Rigid::of(self);
         rigid.matrix() * point + rigid.t
+    }
+
+    fn reference_local(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        Rigid::of(self).to_local(point)
     }
 }
 

@@ -6,13 +6,13 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::cost::observed;
+use super::cost::{landmark_residual, observed};
 use super::reference::ReferencePose;
 use super::sum::CompensatedSum;
-use crate::factors::{PosePrior, PositionPrior};
+use crate::factors::{PosePrior, PositionPrior, Sighting};
 use crate::information::Information;
 use crate::loss::Loss;
-use crate::problem::{BundleProblem, Observation, PoseGraph};
+use crate::problem::{BundleProblem, Observation, PoseGraph, dimension_of_space};
 
 /// A sigma that is off by more than this factor is told.
 pub const SIGMA_FACTOR: f64 = 3.0;
@@ -45,11 +45,17 @@ pub enum Quantity {
     PriorRotation,
     /// Position priors, m.
     PriorPosition,
+    /// Positions of landmarks in the frames of poses, m.
+    LandmarkPosition,
+    /// Bearings of landmarks, rad.
+    LandmarkBearing,
+    /// Ranges of landmarks, m.
+    LandmarkRange,
 }
 
 impl Quantity {
     /// All of them, in the order of [`ResidualReport`].
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 10] = [
         Self::Pixel,
         Self::Depth,
         Self::RelativeTranslation,
@@ -57,6 +63,9 @@ impl Quantity {
         Self::PriorTranslation,
         Self::PriorRotation,
         Self::PriorPosition,
+        Self::LandmarkPosition,
+        Self::LandmarkBearing,
+        Self::LandmarkRange,
     ];
 
     /// Its name in texts and in JSON.
@@ -70,6 +79,9 @@ impl Quantity {
             Self::PriorTranslation => "prior translation",
             Self::PriorRotation => "prior rotation",
             Self::PriorPosition => "prior position",
+            Self::LandmarkPosition => "landmark position",
+            Self::LandmarkBearing => "landmark bearing",
+            Self::LandmarkRange => "landmark range",
         }
     }
 
@@ -81,8 +93,10 @@ impl Quantity {
             Self::Depth
             | Self::RelativeTranslation
             | Self::PriorTranslation
-            | Self::PriorPosition => "m",
-            Self::RelativeRotation | Self::PriorRotation => "rad",
+            | Self::PriorPosition
+            | Self::LandmarkPosition
+            | Self::LandmarkRange => "m",
+            Self::RelativeRotation | Self::PriorRotation | Self::LandmarkBearing => "rad",
         }
     }
 }
@@ -103,8 +117,8 @@ pub enum SigmaJudgment {
 /// The residuals of one quantity.
 ///
 /// The observations of a landmark that one pose alone sees fit by construction, so they count in
-/// `count` and `rms` only; all other figures are of the *redundant* residuals. Of relative poses and
-/// priors all are.
+/// `count` and `rms` only, and so does the only measurement of a landmark; all other figures are of the
+/// *redundant* residuals. Of relative poses and priors all are.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ResidualStatistics {
     /// Residuals (vectors, not rows).
@@ -265,7 +279,51 @@ pub(super) fn pose_graph_residuals<G: ReferencePose<N>, const N: usize>(
     );
     let (whole, positions) = (&graph.pose_priors, &graph.position_priors);
     prior_residuals(whole, positions, &graph.poses, redundancy, &mut report);
+    landmark_residuals(graph, &mut report);
     report
+}
+
+/// Those of measured landmarks.
+fn landmark_residuals<G: ReferencePose<N>, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    report: &mut ResidualReport,
+) {
+    let landmarks = &graph.landmarks;
+    let space = dimension_of_space(N);
+    // Measurements and rows of each.
+    let mut tracks = vec![(0, 0); landmarks.len()];
+    for measurement in &landmarks.measurements {
+        if let Some((count, rows)) = tracks.get_mut(measurement.landmark) {
+            *count += 1;
+            *rows += measurement.rows(space);
+        }
+    }
+    let redundancy =
+        |landmark: usize| match (landmarks.constant.get(landmark), tracks.get(landmark)) {
+            (Some(true), _) => 1.0,
+            (_, Some(&(count, rows))) if count > 1 => redundancy_of(rows, space),
+            _ => 0.0,
+        };
+    let kinds = [
+        (Quantity::LandmarkPosition, space),
+        (Quantity::LandmarkBearing, 1),
+        (Quantity::LandmarkRange, 1),
+    ];
+    let mut samples = kinds.map(|(_, dimension)| Samples::new(dimension, graph.loss));
+    for measurement in &landmarks.measurements {
+        let kind = match measurement.sighting {
+            Sighting::Position(_) => 0,
+            Sighting::Bearing(_) => 1,
+            Sighting::Range(_) => 2,
+        };
+        if let Some(r) = landmark_residual(measurement, graph) {
+            let s = r.dot(&(measurement.information.matrix() * r));
+            samples[kind].add(r.norm_squared(), s, redundancy(measurement.landmark));
+        }
+    }
+    for ((quantity, _), samples) in kinds.into_iter().zip(samples) {
+        report.0[quantity as usize] = samples.statistics();
+    }
 }
 
 /// Those of priors on poses and on positions.
@@ -285,7 +343,7 @@ fn prior_residuals<G: ReferencePose<N>, const N: usize>(
         }
     }
     priors.finish(report, [Quantity::PriorTranslation, Quantity::PriorRotation], redundancy);
-    let mut positions = Samples::new(3, Loss::Trivial);
+    let mut positions = Samples::new(dimension_of_space(N), Loss::Trivial);
     for prior in position_priors {
         if let Some(pose) = poses.get(prior.pose) {
             let r = pose.reference_point(&prior.point_in_camera) - prior.position_in_world;

@@ -9,11 +9,14 @@
 //! | `reprojection` | a landmark at a pixel, without or with depth |
 //! | `relative_pose` | between two poses of any group |
 //! | `prior` | on a pose, or on a position |
+//! | `landmark` | a landmark measured from a pose: position, bearing, range |
 
+mod landmark;
 mod prior;
 mod relative_pose;
 mod reprojection;
 
+pub use landmark::{LandmarkLinearization, LandmarkMeasurement, Sighting};
 pub use prior::{PosePrior, PositionPrior};
 pub(crate) use relative_pose::{FACTORS_PER_CHUNK, FACTORS_PER_QUESTION, cost};
 pub use relative_pose::{PairLinearization, RelativePose};

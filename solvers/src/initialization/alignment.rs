@@ -1,6 +1,6 @@
 //! Aligns a graph with its priors, as the start of a solve.
 //!
-//! Each piece that edges tie together and that has no constant pose may turn and shift as a whole: its edges
+//! Each piece that edges and landmarks tie together and that has no constant pose may turn and shift as a whole: its edges
 //! do not change. The motion that takes the measured points to their measurements minimizes Σ √trace(Ω) ‖X p
 //! − z‖, a sum of distances, which false measurements move little; it is found by iteratively reweighted
 //! closed-form fits (Umeyama 1991, without scale). A piece with a prior on a whole pose has the motion that
@@ -24,18 +24,20 @@ const OPPOSITE: f64 = -1.0 + 1e-12;
 const LEAST_SHARE: f64 = 1e-3;
 
 /// Moves each piece of `graph` that has no constant pose as a whole to where its priors are met best;
-/// whether one moved. The graph is valid.
+/// whether one moved. The graph is valid. Its landmarks go along, unless they hold the poses.
 ///
 /// Positions on one line leave a turn about it open, and a single one every turn: there the piece turns
 /// no more than it must.
 pub fn align_to_priors<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
 ) -> bool {
-    if !graph.has_priors() {
+    // Landmarks with a place of their own hold what measures them.
+    if !graph.has_priors() || graph.landmarks.are_anchored() {
         return false;
     }
     let mut sets = DisjointSets::new(graph.poses.len());
     graph.edges.iter().for_each(|edge| _ = sets.join(edge.i, edge.j));
+    graph.landmarks.join(&mut sets);
     let mut is_held = vec![false; graph.poses.len()];
     for pose in (0..graph.poses.len()).filter(|&pose| graph.constant[pose]) {
         is_held[sets.root(pose)] = true;
@@ -54,6 +56,16 @@ pub fn align_to_priors<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         motions.push(motion);
     }
     let mut has_moved = false;
+    let landmarks = &mut graph.landmarks;
+    let mut is_moved = vec![false; landmarks.len()];
+    for measurement in &landmarks.measurements {
+        let Some(pose) = measurement.pose else { continue };
+        let is_new = !std::mem::replace(&mut is_moved[measurement.landmark], true);
+        if let Some(motion) = motions[sets.root(pose)].as_ref().filter(|_| is_new) {
+            let position = &mut landmarks.positions[measurement.landmark];
+            *position = motion.act(position);
+        }
+    }
     for pose in 0..graph.poses.len() {
         if let Some(motion) = &motions[sets.root(pose)] {
             graph.poses[pose] = motion.compose(&graph.poses[pose]);

@@ -28,7 +28,8 @@ pub enum Start {
     Auto,
 }
 
-/// Brings the poses of `graph` that are not constant to `start`; returns the start taken, never
+/// Brings the poses of `graph` that are not constant to `start`, and its landmarks to where they were
+/// measured from a start that was made; returns the start taken, never
 /// [`Start::Auto`].
 ///
 /// `has_poses` is whether the graph came with poses: without, [`Start::Auto`] does not look at them,
@@ -56,6 +57,9 @@ pub fn initialize<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         Start::SpanningTree => spanning_tree(graph)?,
         Start::Chordal => chordal(graph, limits)?,
         Start::Auto => return automatic(graph, has_poses, limits),
+    }
+    if start != Start::Given {
+        graph.landmarks.place(&graph.poses);
     }
     Ok(start)
 }
@@ -89,24 +93,32 @@ fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         )
     };
     let never = Interrupt::NEVER;
-    let cost = |graph: &PoseGraph<G, N>| cost(&graph.edges, &graph.poses, graph.loss, &never);
-    let given = has_poses.then(|| (cost(graph), graph.poses.clone()));
-    match (chordal(graph, limits), given) {
+    let cost = |graph: &PoseGraph<G, N>| {
+        let edges = cost(&graph.edges, &graph.poses, graph.loss, &never);
+        edges + graph.landmarks.cost(&graph.poses, graph.loss)
+    };
+    let given = has_poses.then(|| {
+        let landmarks = graph.landmarks.positions.clone();
+        (cost(graph), (graph.poses.clone(), landmarks))
+    });
+    let made = chordal(graph, limits).map(|()| graph.landmarks.place(&graph.poses));
+    match (made, given) {
         (Ok(()), None) => Ok(Start::Chordal),
         // A cost that is no number never wins.
         (Ok(()), Some((before, _))) if before.is_nan() || before > cost(graph) => {
             Ok(Start::Chordal)
         }
-        (Ok(()), Some((_, poses))) => {
-            graph.poses = poses;
+        (Ok(()), Some((_, given))) => {
+            (graph.poses, graph.landmarks.positions) = given;
             Ok(Start::Given)
         }
-        (Err(error), Some((_, poses))) if is_open(&error) => {
-            graph.poses = poses;
+        (Err(error), Some((_, given))) if is_open(&error) => {
+            (graph.poses, graph.landmarks.positions) = given;
             Ok(Start::Given)
         }
         (Err(error), None) if is_open(&error) => {
             spanning_tree(graph)?;
+            graph.landmarks.place(&graph.poses);
             Ok(Start::SpanningTree)
         }
         (Err(error), _) => Err(error),

@@ -2,8 +2,9 @@
 //!
 //! Each edge is linearized once into its blocks w JᵀΩJ and w JᵀΩr (w = ρ' of the loss), in
 //! parallel. Then each block row of H and g is summed by one task from the
-//! edges at its pose, in edge order: the same bits at any thread count, and no locks. Rows are the
-//! poses that are not constant, in index order. Priors are added by `priors`; nothing is factored here.
+//! edges at its pose, in edge order: the same bits at any thread count, and no locks. The first rows are
+//! the poses that are not constant, in index order. Priors and landmarks are added by `priors` and
+//! `landmarks`; nothing is factored here.
 
 use nalgebra::{SMatrix, SMatrixViewMut, SVector};
 use rayon::prelude::*;
@@ -78,20 +79,25 @@ const NOT_STORED: u32 = u32::MAX;
 /// Block rows that a task sums.
 const ROWS_PER_TASK: usize = 32;
 
-/// Which edges each block row sums, and where; in edge order.
+/// Which edges each block row of a pose sums, and where; in edge order.
 #[derive(Debug)]
-pub(super) struct Incidences(Lists<Incidence>);
+pub(super) struct Incidences {
+    lists: Lists<Incidence>,
+    /// How many rows are those of poses: the first ones.
+    pose_rows: usize,
+}
 
 impl Incidences {
-    /// `rows_of_edges` yields the rows of poses i and j of each edge, `None` for constant ones.
+    /// The first `pose_rows` rows are those of poses; `rows_of_edges` yields the rows of poses i and j of each edge, `None` for constant ones.
     /// An edge of a pose with itself has a constant residual and is left out.
     pub(super) fn new(
         pattern: &BlockPattern,
+        pose_rows: usize,
         rows_of_edges: impl Iterator<Item = (Option<usize>, Option<usize>)> + Clone,
     ) -> Self {
         let edges = rows_of_edges.enumerate().filter(|(_, (i, j))| i != j);
         let ends = edges.flat_map(|(edge, (i, j))| [(edge, i, j, true), (edge, j, i, false)]);
-        let mut counts = vec![0; pattern.block_count() + 1];
+        let mut counts = vec![0; pose_rows + 1];
         ends.clone().filter_map(|(_, own, ..)| own).for_each(|row| counts[row + 1] += 1);
         let incidences = ends.filter_map(|(edge, own, other, is_i)| {
             let row = own?;
@@ -101,7 +107,7 @@ impl Incidences {
                 .map_or(NOT_STORED, |slot| slot as u32);
             Some((row, Incidence { edge: edge as u32, is_i, slot }))
         });
-        Self(Lists::counted(counts, incidences))
+        Self { lists: Lists::counted(counts, incidences), pose_rows }
     }
 
     /// Sums `blocks`, one an edge, into H and g. Once `interrupt` is due the rest stay as they are.
@@ -113,11 +119,15 @@ impl Incidences {
         gradient: &mut [f64],
     ) {
         let mut rows = hessian.rows_mut();
+        let (rows, of_landmarks) = rows.split_at_mut(self.pose_rows);
+        of_landmarks.iter_mut().for_each(|row| row.values_mut().fill(0.0));
+        let (gradient, of_landmarks) = gradient.split_at_mut(self.pose_rows * N);
+        of_landmarks.fill(0.0);
         let runs = rows.chunks_mut(ROWS_PER_TASK).zip(gradient.chunks_mut(ROWS_PER_TASK * N));
         parallel::for_each(runs, |(rows, gradient)| {
             let mut steps = interrupt.in_steps(FACTORS_PER_QUESTION);
             for (row, gradient) in rows.iter_mut().zip(gradient.chunks_exact_mut(N)) {
-                let edges = self.0.of(row.index()).len();
+                let edges = self.lists.of(row.index()).len();
                 if !steps.is_due_after(edges as u32) {
                     self.assemble_row(blocks, row, gradient);
                 }
@@ -134,7 +144,7 @@ impl Incidences {
         row.values_mut().fill(0.0);
         let mut h = SMatrix::<f64, N, N>::zeros();
         let mut g = SVector::<f64, N>::zeros();
-        for incidence in self.0.of(row.index()) {
+        for incidence in self.lists.of(row.index()) {
             let block = &blocks[incidence.edge as usize];
             if incidence.is_i {
                 h += block.h_ii;

@@ -8,6 +8,8 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, SMatrix, SVector};
 
+use super::rows::Rows;
+use super::system::blocks_mut;
 use super::undetermined::hessian;
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
@@ -36,17 +38,17 @@ pub fn position_covariances<G: LieGroup<N>, const N: usize>(
         index += 1;
         counts.get(index - 1).copied().unwrap_or(false)
     });
-    let (poses, row_of) = graph.free_poses_of_solve();
+    let rows = Rows::new(graph);
     let unknown = || vec![None; graph.position_priors.len()];
-    if poses.is_empty() {
+    if rows.count() == 0 {
         return Ok(vec![Some(Matrix3::zeros()); graph.position_priors.len()]);
     }
-    let hessian = hessian(&counted, &row_of, poses.len());
+    let hessian = hessian(&counted, &rows);
     let pattern = Arc::clone(hessian.pattern());
     let dimension = pattern.dimension();
     let mut factor = Cholesky::new(pattern).map_err(|_error| SolveError::TooLarge { dimension })?;
     let mut shift = hessian.diagonal();
-    for block in shift.as_chunks_mut::<N>().0 {
+    for block in blocks_mut(hessian.pattern(), &mut shift) {
         let largest = block.iter().fold(0.0_f64, |max, &h| max.max(h));
         block.fill(SHIFT * if largest > 0.0 { largest } else { 1.0 });
     }
@@ -59,7 +61,7 @@ pub fn position_covariances<G: LieGroup<N>, const N: usize>(
         if interrupt.is_due() {
             return Err(SolveError::Interrupted);
         }
-        let Some(row) = row_of[prior.pose] else {
+        let Some(row) = rows.of_pose[prior.pose] else {
             covariances.push(Some(Matrix3::zeros()));
             continue;
         };

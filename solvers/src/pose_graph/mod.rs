@@ -1,14 +1,16 @@
-//! Pose-graph optimization: poses of one group from relative-pose measurements.
+//! Pose-graph optimization: poses of one group, and landmarks, from relative measurements.
 //!
-//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the priors' cost over the poses that are not
-//! constant. The normal equations are block-sparse with one block row a pose; Gauss-Newton or
+//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the cost of priors and of measured landmarks
+//! over the poses and landmarks that are not constant. The normal equations are block-sparse with one
+//! block row a pose and a landmark; Gauss-Newton or
 //! Levenberg-Marquardt steps come from their Cholesky factorization. This file holds the facade;
 //! [`crate::evaluation`] computes the same cost without anything from here.
 //!
 //! | file | role |
 //! |---|---|
 //! | `assembly`, `system` | normal equations; the graph as the loop sees it |
-//! | `priors` | what priors add |
+//! | `rows` | which block row each variable has |
+//! | `priors`, `landmarks` | what priors and measured landmarks add |
 //! | `growing` | a graph that is at a minimum after each update |
 //! | `undetermined` | poses that the factors leave open, and in which directions |
 //! | `covariance` | of points that are measured |
@@ -16,7 +18,9 @@
 mod assembly;
 mod covariance;
 mod growing;
+mod landmarks;
 mod priors;
+mod rows;
 mod system;
 mod undetermined;
 
@@ -32,7 +36,7 @@ use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::optimizer::{self, Observer, SolveSummary, Unmoved, minimize, with_threads};
 use crate::price::{Limits, Price};
-use crate::problem::{PoseGraph, SolveError};
+use crate::problem::{PoseGraph, SolveError, dimension_of_space};
 
 /// Options of a pose-graph solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,7 +93,7 @@ pub fn solve_until<G: LieGroup<N>, const N: usize>(
     options.optimizer.validate()?;
     graph.validate()?;
     graph.hold_gauge();
-    if !graph.constant.contains(&false) {
+    if !graph.constant.contains(&false) && !graph.landmarks.constant.contains(&false) {
         return Err(SolveError::Empty("every pose is constant"));
     }
     with_threads(options.optimizer.threads, || {
@@ -111,8 +115,9 @@ pub fn solve_until<G: LieGroup<N>, const N: usize>(
 /// others.
 #[must_use]
 pub fn price_bound<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Price {
-    let dimension = (N * graph.poses.len()) as f64;
-    let edges = graph.edges.len() as f64;
+    let landmarks = dimension_of_space(N) * graph.landmarks.len();
+    let dimension = (N * graph.poses.len() + landmarks) as f64;
+    let edges = (graph.edges.len() + graph.landmarks.measurements.len()) as f64;
     let bytes = 16.0 * dimension * dimension + 3000.0 * edges + 1000.0 * dimension;
     let flops_per_iteration = dimension.powi(3) / 3.0 + (40 * N * N) as f64 * edges;
     Price { bytes: bytes as u64, flops_per_iteration }

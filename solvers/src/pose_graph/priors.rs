@@ -1,4 +1,4 @@
-//! Priors of a pose graph: their cost, and what they add to H and g.
+//! Priors of a pose graph: the cost of all factors, and what priors add to H and g.
 //!
 //! A prior touches one pose, so that it adds w JᵀΩJ to that pose's diagonal block and w JᵀΩr to its
 //! gradient, w = ρ' of its own loss. There are no more of them than of edges and each is cheap: they
@@ -20,7 +20,11 @@ pub(crate) fn cost<G: LieGroup<N>, const N: usize>(
     interrupt: &Interrupt,
 ) -> f64 {
     let edges = factors::cost(&graph.edges, &graph.poses, graph.loss, interrupt);
-    if graph.has_priors() { edges + prior_cost(graph) } else { edges }
+    let edges = if graph.has_priors() { edges + prior_cost(graph) } else { edges };
+    match graph.landmarks.is_empty() {
+        true => edges,
+        false => edges + graph.landmarks.cost(&graph.poses, graph.loss),
+    }
 }
 
 /// ½ Σ ρ over the priors alone.

@@ -1,16 +1,18 @@
 //! A pose graph as the trust-region loop sees it.
 //!
-//! State: the poses that are not constant. Steps solve (H + λD) δ = −g with Marquardt's scaling
+//! State: the poses and landmarks that are not constant. Steps solve (H + λD) δ = −g with Marquardt's scaling
 //! D = diag(H), kept within bounds, and move X ← X · Exp(δ). Where edges may leave a direction open,
 //! λ and D have a floor, so that a pose stays where nothing moves it. The symbolic factorization is
 //! made once. Which pose holds the gauge is decided by the caller.
 
 use std::sync::Arc;
 
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
 use super::assembly::{Incidences, linearize_edges};
+use super::landmarks;
 use super::priors::{self, cost};
+use super::rows::Rows;
 use crate::factors::{self, RelativePose};
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
@@ -18,7 +20,7 @@ use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale, from_linear};
 use crate::parallel;
 use crate::price::Limits;
-use crate::problem::{PoseGraph, SolveError};
+use crate::problem::{PoseGraph, SolveError, dimension_of_space};
 
 /// Least damping of a graph whose edges may leave a direction of a pose open: far above the
 /// rounding that could pass for information in H, far below the information of any measurement.
@@ -35,13 +37,15 @@ const POSES_PER_TASK: usize = 128;
 fn linear_bytes<G, const N: usize>(graph: &PoseGraph<G, N>, pattern: &BlockPattern) -> u64 {
     let edges = graph.edges.len() * (size_of::<PairTerm<N>>() + 24);
     let poses = graph.poses.len() * (2 * size_of::<G>() + 8 * 9 * N + 48);
-    (edges + poses) as u64 + 8 * pattern.value_count() as u64 + pattern.bytes()
+    let landmarks = graph.landmarks.len() * (2 * 24 + 8 * 9 * 3 + 48);
+    (edges + poses + landmarks) as u64 + 8 * pattern.value_count() as u64 + pattern.bytes()
 }
 
 /// Only a cost that is not finite is worth a search for the edge behind it.
 fn check_start<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Result<(), SolveError> {
     let not_finite = |edge: &RelativePose<G, N>| !edge.rho(&graph.poses, graph.loss).is_finite();
     priors::check_finite(graph)?;
+    landmarks::check_finite(graph)?;
     if !factors::cost(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER).is_finite()
         && let Some(index) = graph.edges.iter().position(not_finite)
     {
@@ -50,12 +54,25 @@ fn check_start<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Resul
     Ok(())
 }
 
+/// The entries of a vector, a slice a block of the matrix.
+pub(super) fn blocks_mut<'a>(
+    pattern: &'a BlockPattern,
+    mut vector: &'a mut [f64],
+) -> impl Iterator<Item = &'a mut [f64]> {
+    pattern.sizes().iter().map(move |&size| {
+        let (block, rest) = std::mem::take(&mut vector).split_at_mut(size);
+        vector = rest;
+        block
+    })
+}
+
 pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
     graph: &'a mut PoseGraph<G, N>,
     /// The poses before the last applied step.
     backup: Vec<G>,
-    /// Block row of each pose, `None` for constant ones.
-    row_of: Vec<Option<usize>>,
+    /// The landmarks before it.
+    landmark_backup: Vec<Vector3<f64>>,
+    rows: Rows,
     edge_blocks: Vec<PairTerm<N>>,
     incidences: Incidences,
     interrupt: &'a Interrupt,
@@ -83,21 +100,24 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
         limits: Limits<'a>,
     ) -> Result<Self, SolveError> {
         check_start(graph)?;
-        let (poses, row_of) = graph.free_poses_of_solve();
-        let pairs = graph.free_indices_of_edges(&row_of).filter_map(|(i, j)| i.zip(j));
-        let pattern = Arc::new(BlockPattern::new(vec![N; poses.len()], pairs));
+        let rows = Rows::new(graph);
+        let pattern = Arc::new(rows.pattern(graph));
         let linear = linear_bytes(graph, &pattern);
         let scalars = pattern.dimension();
         let Limits { ceiling, interrupt } = limits.less(linear);
         let factor = Cholesky::within(Arc::clone(&pattern), ceiling, interrupt)
             .map_err(|error| from_linear(error, scalars).beside(linear))?;
-        let incidences = Incidences::new(&pattern, graph.free_indices_of_edges(&row_of));
-        let norm_squared: f64 = graph.poses.iter().map(|pose| pose.log().norm_squared()).sum();
+        let rows_of_edges = graph.free_indices_of_edges(&rows.of_pose);
+        let incidences = Incidences::new(&pattern, rows.free_poses.len(), rows_of_edges);
+        let of_poses: f64 = graph.poses.iter().map(|pose| pose.log().norm_squared()).sum();
+        let of_landmarks: f64 = graph.landmarks.positions.iter().map(Vector3::norm_squared).sum();
+        let norm_squared = of_poses + of_landmarks;
         Ok(Self {
             backup: graph.poses.clone(),
+            landmark_backup: graph.landmarks.positions.clone(),
             // Filled by the first linearization: the threads that use the memory touch it first.
             edge_blocks: Vec::new(),
-            row_of,
+            rows,
             incidences,
             interrupt,
             hessian: BlockMatrix::new(pattern),
@@ -125,7 +145,8 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
         linearize_edges(&graph.edges, &graph.poses, loss, interrupt, &mut self.edge_blocks);
         let (hessian, gradient) = (&mut self.hessian, &mut self.gradient);
         self.incidences.assemble(&self.edge_blocks, interrupt, hessian, gradient);
-        priors::add(graph, &self.row_of, hessian, gradient);
+        priors::add(graph, &self.rows.of_pose, hessian, gradient);
+        landmarks::add(graph, &self.rows, hessian, gradient);
         if interrupt.is_due() {
             return Gradient { max_norm: f64::NAN };
         }
@@ -133,9 +154,10 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
             *scaling = damping_scale(h);
         }
         if !self.is_rigid {
-            for scaling in self.scaling.as_chunks_mut::<N>().0 {
+            for scaling in blocks_mut(self.hessian.pattern(), &mut self.scaling) {
                 let largest = scaling.iter().fold(0.0_f64, |max, &scale| max.max(scale));
-                *scaling = scaling.map(|scale| scale.max(LEAST_SCALE * largest));
+                let least = LEAST_SCALE * largest;
+                scaling.iter_mut().for_each(|scale| *scale = scale.max(least));
             }
         }
         let mut max_norm = 0.0_f64;
@@ -180,19 +202,27 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
 
     fn apply(&mut self) -> f64 {
         self.backup.copy_from_slice(&self.graph.poses);
+        self.landmark_backup.copy_from_slice(&self.graph.landmarks.positions);
         let step = &self.step;
         let runs = self.graph.poses.chunks_mut(POSES_PER_TASK);
-        parallel::for_each(runs.zip(self.row_of.chunks(POSES_PER_TASK)), |(poses, rows)| {
+        parallel::for_each(runs.zip(self.rows.of_pose.chunks(POSES_PER_TASK)), |(poses, rows)| {
             for (pose, row) in poses.iter_mut().zip(rows) {
                 if let Some(row) = row {
                     *pose = pose.plus(&SVector::from_column_slice(&step[row * N..][..N]));
                 }
             }
         });
+        let space = dimension_of_space(N);
+        let of_landmarks = step[self.rows.free_poses.len() * N..].chunks_exact(space);
+        for (&landmark, step) in self.rows.free_landmarks.iter().zip(of_landmarks) {
+            let position = &mut self.graph.landmarks.positions[landmark];
+            position.iter_mut().zip(step).for_each(|(x, step)| *x += step);
+        }
         cost(self.graph, self.interrupt)
     }
 
     fn restore(&mut self) {
         self.graph.poses.copy_from_slice(&self.backup);
+        self.graph.landmarks.positions.copy_from_slice(&self.landmark_backup);
     }
 }

@@ -11,10 +11,13 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, SVector};
 
 use super::assembly::{Incidences, linearize_edges};
+use super::landmarks;
 use super::priors;
+use super::rows::Rows;
+use super::system::blocks_mut;
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
-use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
+use crate::linear::{BlockMatrix, Cholesky, PairTerm};
 use crate::loss::Loss;
 use crate::problem::{PoseGraph, SolveError};
 
@@ -30,18 +33,19 @@ const NO_INFORMATION: f64 = 1e-12;
 /// A pose that moves less than this share of the one that moves most stays where it is.
 const STILL: f64 = 1e-5;
 
-/// A pose that the factors do not determine.
+/// A pose or a landmark that the factors do not determine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Undetermined<const N: usize> {
     /// Its id.
     pub id: i64,
     /// Independent unit tangents (right perturbations, translation first) along which it can move,
     /// others perhaps with it, without a change of the cost to second order; along axes where possible.
+    /// Of a landmark the first entries are its position in the world, and the rest are zero.
     pub directions: Vec<SVector<f64, N>>,
 }
 
-/// The poses of `graph` that its edges and priors leave open where they are, in index order; none in
-/// most graphs, which is found out in a fraction of a step's time.
+/// The poses of `graph`, then its landmarks, that its factors leave open where they are, in index order;
+/// none in most graphs, which is found out in a fraction of a step's time.
 ///
 /// Where no pose is constant and there are no priors, the one with the lowest id counts as held. A
 /// loss counts with its weights at the poses.
@@ -56,37 +60,43 @@ pub fn undetermined<G: LieGroup<N>, const N: usize>(
     if graph.is_rigid() && !matches!(graph.loss, Loss::Tukey(_)) {
         return Ok(Vec::new());
     }
-    let (poses, row_of) = graph.free_poses_of_solve();
-    if poses.is_empty() {
+    let rows = Rows::new(graph);
+    if rows.count() == 0 {
         return Ok(Vec::new());
     }
-    let hessian = hessian(graph, &row_of, poses.len());
+    let hessian = hessian(graph, &rows);
+    let pattern = Arc::clone(hessian.pattern());
     let null_vectors = null_vectors::<N>(&hessian)?;
     let largest = null_vectors.iter().flatten().fold(0.0_f64, |max, x| max.max(x.abs()));
-    let open = poses.iter().enumerate().filter_map(|(row, &pose)| {
-        let blocks = null_vectors.iter().map(|v| SVector::from_column_slice(&v[row * N..][..N]));
-        let directions = independent(blocks.collect(), STILL * largest);
-        (!directions.is_empty()).then(|| Undetermined { id: graph.ids[pose], directions })
+    let of_poses = rows.free_poses.iter().map(|&pose| graph.ids[pose]);
+    let of_landmarks = rows.free_landmarks.iter().map(|&landmark| graph.landmarks.ids[landmark]);
+    let open = of_poses.chain(of_landmarks).enumerate().filter_map(|(row, id)| {
+        let range = pattern.offset(row)..pattern.offset(row + 1);
+        let block = |vector: &Vec<f64>| {
+            let own = &vector[range.clone()];
+            SVector::from_fn(|axis, _| own.get(axis).copied().unwrap_or(0.0))
+        };
+        let directions = independent(null_vectors.iter().map(block).collect(), STILL * largest);
+        (!directions.is_empty()).then_some(Undetermined { id, directions })
     });
     Ok(open.collect())
 }
 
-/// H at the graph's poses, a block row a pose that may move.
+/// H at the graph's variables, a block row for each that may move.
 pub(super) fn hessian<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
-    row_of: &[Option<usize>],
-    rows: usize,
+    rows: &Rows,
 ) -> BlockMatrix {
-    let rows_of_edges = graph.free_indices_of_edges(row_of);
-    let pairs = rows_of_edges.clone().filter_map(|(i, j)| i.zip(j));
-    let pattern = Arc::new(BlockPattern::new(vec![N; rows], pairs));
-    let incidences = Incidences::new(&pattern, rows_of_edges);
+    let pattern = Arc::new(rows.pattern(graph));
+    let rows_of_edges = graph.free_indices_of_edges(&rows.of_pose);
+    let incidences = Incidences::new(&pattern, rows.free_poses.len(), rows_of_edges);
     let mut blocks = vec![PairTerm::zeros(); graph.edges.len()];
     linearize_edges(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER, &mut blocks);
     let mut hessian = BlockMatrix::new(pattern);
-    let mut gradient = vec![0.0; rows * N];
+    let mut gradient = vec![0.0; hessian.pattern().dimension()];
     incidences.assemble(&blocks, &Interrupt::NEVER, &mut hessian, &mut gradient);
-    priors::add(graph, row_of, &mut hessian, &mut gradient);
+    priors::add(graph, &rows.of_pose, &mut hessian, &mut gradient);
+    landmarks::add(graph, rows, &mut hessian, &mut gradient);
     hessian
 }
 
@@ -98,7 +108,7 @@ fn null_vectors<const N: usize>(hessian: &BlockMatrix) -> Result<Vec<Vec<f64>>, 
         Cholesky::new(Arc::clone(pattern)).map_err(|_error| SolveError::TooLarge { dimension })?;
     // D, in whose norm everything is measured.
     let mut scale = hessian.diagonal();
-    for block in scale.as_chunks_mut::<N>().0 {
+    for block in blocks_mut(pattern, &mut scale) {
         let largest = block.iter().fold(0.0_f64, |max, &h| max.max(h));
         block.fill(if largest > 0.0 { largest } else { 1.0 });
     }

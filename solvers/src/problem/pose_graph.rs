@@ -2,13 +2,13 @@
 //!
 //! A factor between poses i and j with measurement Z = `i_from_j` has the residual
 //! r = Log(Z⁻¹ · X_i⁻¹ · X_j) in the full group logarithm, X = `world_from_pose`. Priors measure one
-//! pose, or the position of a point that is fixed to it. It holds, checks and finds pieces; no residual
-//! is evaluated here.
+//! pose, or the position of a point that is fixed to it; landmarks are points that poses measure. It
+//! holds, checks and finds pieces; no residual is evaluated here.
 
 use std::collections::BTreeMap;
 
 use super::pose_factors::{check_priors, check_relative_poses};
-use super::{DisjointSets, SolveError};
+use super::{DisjointSets, Landmarks, SolveError};
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::LieGroup;
 use crate::lists::Lists;
@@ -29,7 +29,10 @@ pub struct PoseGraph<G, const N: usize> {
     pub pose_priors: Vec<PosePrior<G, N>>,
     /// Measured positions of points that are fixed to poses.
     pub position_priors: Vec<PositionPrior>,
-    /// The loss of every edge that has none of its own; priors have their own.
+    /// Points beside the poses; none in most graphs.
+    pub landmarks: Landmarks,
+    /// The loss of every edge and measurement of a landmark that has none of its own; priors have
+    /// their own.
     pub loss: Loss,
 }
 
@@ -74,6 +77,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
             edges: Vec::new(),
             pose_priors: Vec::new(),
             position_priors: Vec::new(),
+            landmarks: Landmarks::default(),
             loss: Loss::Trivial,
         }
     }
@@ -106,10 +110,16 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         constant.chain(whole).chain(self.position_priors.iter().map(|prior| prior.pose))
     }
 
+    /// Whether something besides constant poses gives the graph a place in the world: a prior, or a
+    /// landmark that is constant or measured from the world.
+    fn is_anchored(&self) -> bool {
+        self.has_priors() || self.landmarks.are_anchored()
+    }
+
     /// Holds the pose with the lowest id fixed where nothing else gives the graph a place in the
-    /// world: no constant pose and no prior.
+    /// world: no constant pose, no prior, and no landmark that is constant or measured from the world.
     pub fn hold_gauge(&mut self) {
-        if !self.constant.contains(&true) && !self.has_priors() {
+        if !self.constant.contains(&true) && !self.is_anchored() {
             self.fix_lowest_id();
         }
     }
@@ -141,7 +151,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
     /// As [`Self::free_poses`] for all factors: priors hold no pose, and none is held beside them.
     pub(crate) fn free_poses_of_solve(&self) -> (Vec<usize>, Vec<Option<usize>>) {
         let has_constant = self.constant.contains(&true);
-        if self.has_priors() && !has_constant { self.others(&[]) } else { self.free_poses() }
+        if self.is_anchored() && !has_constant { self.others(&[]) } else { self.free_poses() }
     }
 
     /// The poses that are not in `held`, which rises, and the index of each pose among them.
@@ -165,7 +175,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
 
     /// Checks that lengths and indices agree, ids are unique, every number is finite and the graph
     /// is in one piece (counting all constant poses and all that have a prior as one, since each of
-    /// them has a place in the world).
+    /// them has a place in the world, and all that measure one landmark).
     ///
     /// # Errors
     /// The first [`SolveError`] found.
@@ -176,7 +186,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
                 return Err(SolveError::LengthMismatch { what, actual, expected: count });
             }
         }
-        if self.edges.is_empty() && !self.has_priors() {
+        if self.edges.is_empty() && !self.has_priors() && self.landmarks.measurements.is_empty() {
             return Err(SolveError::Empty("the graph has no edges"));
         }
         if !self.loss.is_valid() {
@@ -196,6 +206,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         }
         check_relative_poses("edge", &self.edges, count)?;
         check_priors(&self.pose_priors, &self.position_priors, count)?;
+        self.landmarks.validate(count, &index_of)?;
         let pieces = self.pieces();
         if pieces.len() > 1 {
             return Err(SolveError::Disconnected { pieces });
@@ -204,7 +215,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
     }
 
     /// The connected components, the one with the lowest id first. Constant poses and those that have
-    /// a prior hang together.
+    /// a prior hang together, and so do those that measure one landmark.
     #[must_use]
     pub fn pieces(&self) -> Vec<Piece> {
         let mut sets = DisjointSets::new(self.poses.len());
@@ -212,6 +223,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
             sets.join(edge.i, edge.j);
         }
         sets.join_all(self.placed());
+        self.landmarks.join(&mut sets);
         let mut pieces: BTreeMap<usize, Piece> = BTreeMap::new();
         for (index, &id) in self.ids.iter().enumerate() {
             let piece = pieces.entry(sets.root(index)).or_insert(Piece {

@@ -2,11 +2,11 @@
 //!
 //! A union of poses that edges with information in every direction tie together moves as one body. A
 //! pose prior ties a body to the world, and so do the positions of three of its points that are not on
-//! one line. What this file does not find may still be determined: it only counts, and solves nothing.
+//! one line. A landmark is determined by a measured position. What this file does not find may still be determined: it only counts, and solves nothing.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{DisjointSets, PoseGraph};
+use super::{DisjointSets, PoseGraph, dimension_of_space};
 use crate::geometry::LieGroup;
 use crate::loss::Loss;
 
@@ -22,6 +22,14 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
     /// A loss of one factor alone counts where its weight never is zero, the graph's loss always.
     #[must_use]
     pub fn is_rigid(&self) -> bool {
+        let has_constant = self.constant.contains(&true);
+        let landmarks = &self.landmarks;
+        // Landmarks in place of poses may hold the whole in the world: that is not looked into.
+        if !landmarks.are_determined_by_position(dimension_of_space(N))
+            || landmarks.are_anchored() && !has_constant
+        {
+            return false;
+        }
         let world = self.poses.len();
         let mut sets = DisjointSets::new(world + 1);
         let constant = (0..world).filter(|&pose| self.constant[pose]);

@@ -16,7 +16,7 @@ use crate::information::Covariance;
 use crate::lists::Lists;
 use crate::loss::Loss;
 use crate::parallel;
-use crate::problem::PoseGraph;
+use crate::problem::{Landmarks, PoseGraph};
 
 /// Most steps of a row. The errors of a longer one add up to so much that the first order says little:
 /// in graphs of 20,000 poses some rows of 512 steps do not end (0.7 s instead of 0.28 s at most); with 128
@@ -139,6 +139,8 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
             .iter()
             .map(|p| PositionPrior { pose: reduced_index[p.pose], ..*p })
             .collect(),
+        // [`super::solve`] takes no graph with landmarks.
+        landmarks: Landmarks::default(),
         loss: graph.loss,
     };
     let way = |row: Row| {

@@ -134,7 +134,8 @@ pub struct RobustSummary {
 ///
 /// # Errors
 /// Those of [`pose_graph::solve`] and [`initialize`](crate::initialization::initialize);
-/// [`SolveError::InvalidOption`] for a threshold that is not finite and positive.
+/// [`SolveError::InvalidOption`] for a threshold that is not finite and positive, and for a graph with
+/// landmarks.
 pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     start: Start,
@@ -151,6 +152,10 @@ pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     if !(threshold.is_finite() && threshold > 0.0) {
         let reason = "must be finite and positive";
         return Err(SolveError::InvalidOption { field: "threshold", reason });
+    }
+    if !graph.landmarks.is_empty() {
+        let reason = "loop closures of a graph with landmarks cannot be judged";
+        return Err(SolveError::InvalidOption { field: "robust", reason });
     }
     graph.hold_gauge();
     with_threads(options.optimizer.threads, || {
@@ -196,11 +201,13 @@ fn at_weights<G: LieGroup<N>, const N: usize>(
         edges: Vec::with_capacity(graph.edges.len()),
         pose_priors: graph.pose_priors.clone(),
         position_priors: graph.position_priors.clone(),
+        landmarks: graph.landmarks.clone(),
         loss: graph.loss,
     };
     let mut pieces = DisjointSets::new(copy.poses.len());
     // Poses with a place in the world belong to one piece.
     pieces.join_all(graph.placed());
+    graph.landmarks.join(&mut pieces);
     for (edge, &weight) in graph.edges.iter().zip(&weights) {
         if weight > 0.0 {
             pieces.join(edge.i, edge.j);

@@ -114,6 +114,7 @@ pub fn judge_positions<G: LieGroup<N>, const N: usize>(
 fn is_one_piece<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>, counts: &[bool]) -> bool {
     let mut sets = DisjointSets::new(graph.poses.len());
     graph.edges.iter().for_each(|edge| _ = sets.join(edge.i, edge.j));
+    graph.landmarks.join(&mut sets);
     let constant = (0..graph.poses.len()).filter(|&pose| graph.constant[pose]);
     let whole = graph.pose_priors.iter().map(|prior| prior.pose);
     let kept = graph.position_priors.iter().zip(counts).filter(|&(_, &counts)| counts);

@@ -296,6 +296,10 @@ pub(in crate::service) fn to_residual_kind(quantity: Quantity) -> v1::ResidualKi
         Quantity::PriorTranslation => v1::ResidualKind::PriorTranslation,
         Quantity::PriorRotation => v1::ResidualKind::PriorRotation,
         Quantity::PriorPosition => v1::ResidualKind::PriorPosition,
+        // Only graphs of files have these: the server solves none.
+        Quantity::LandmarkPosition | Quantity::LandmarkBearing | Quantity::LandmarkRange => {
+            v1::ResidualKind::Unspecified
+        }
     }
 }
 

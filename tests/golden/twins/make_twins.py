@@ -11,6 +11,9 @@ sphere-200.g2o       SE(3): a spiral on a sphere, 10 rings of 20 poses, odometry
                      full (correlated, anisotropic) information, start from noisy odometry
 grid-200.g2o         SE(2) with vertices: a walk on a street grid that comes by its own track, full information
 grid-100-edges.g2o   SE(2), edges only, a blank line in the middle: the start has to be made
+park-80.g2o          SE(2) with landmarks: a loop among 25 trees, seen by position or by bearing; two trees are surveyed
+                     (one fixed, one by a prior), and some poses have priors of all of them or of their position
+hall-60.g2o          SE(3) with landmarks: two sensors off the body, full information, priors of the body and of a sensor
 colmap-room/         COLMAP text model: 6 images, 60 points, one OPENCV and one SIMPLE_RADIAL camera; image ids have
                      gaps and their order is not that of the names (frame_2 before frame_10)
 walk-truth.txt, walk-estimate.txt   TUM trajectories at 30 Hz and about 22 Hz with jitter, in frames of their own
@@ -221,6 +224,84 @@ def grid(path, count, seed, vertices):
             f.write(f"EDGE_SE2 {i} {j} {numbers(z, 9)} {upper(kinds[kind])}\n")
 
 
+def park(path):
+    rng = np.random.default_rng(80)
+    count, ids = 80, lambda tree: 1000 + 7 * tree
+    truth = [np.array([12 * np.cos(a), 8 * np.sin(a), wrap(np.arctan2(8 * np.cos(a), -12 * np.sin(a)))])
+             for a in np.linspace(0, 2 * np.pi, count)]
+    trees = rng.uniform([-15, -11], [15, 11], (25, 2))
+    odometry, seen = information(rng, (0.05, 0.03, 0.02)), information(rng, (0.1, 0.07))
+    start, lines = [truth[0]], []
+    for i in range(count - 1):
+        z = compose_se2(relative_se2(truth[i], truth[i + 1]), draw(rng, odometry))
+        start.append(compose_se2(start[-1], z))
+        lines.append(f"EDGE_SE2 {i} {i + 1} {numbers(z, 9)} {upper(odometry)}")
+    for i, x in enumerate(truth):
+        c, s = np.cos(x[2]), np.sin(x[2])
+        for tree, p in enumerate(trees):
+            q = np.array([[c, s], [-s, c]]) @ (p - x[:2])
+            if np.linalg.norm(q) > 6:
+                continue
+            if tree % 4 == 3:
+                bearing = wrap(np.arctan2(q[1], q[0]) + rng.normal(0, 0.02))
+                lines.append(f"EDGE_BEARING_SE2_XY {i} {ids(tree)} {numbers([bearing], 9)} 2500")
+            else:
+                lines.append(f"EDGE_SE2_XY {i} {ids(tree)} {numbers(q + draw(rng, seen), 9)} {upper(seen)}")
+    whole = information(rng, (0.2, 0.2, 0.05))
+    lines.append(f"EDGE_PRIOR_SE2 40 {numbers(compose_se2(truth[40], draw(rng, whole)), 9)} {upper(whole)}")
+    lines.append(f"EDGE_PRIOR_SE2_XY 20 {numbers(truth[20][:2] + rng.normal(0, 0.1, 2), 9)} 100 20 80")
+    lines.append(f"EDGE_PRIOR_SE2_XY {ids(6)} {numbers(trees[6] + rng.normal(0, 0.05, 2), 9)} 400 0 400")
+    with open(path, "w") as f:
+        for i, x in enumerate(start):
+            f.write(f"VERTEX_SE2 {i} {numbers(x, 9)}\n")
+        for tree, p in enumerate(trees):
+            f.write(f"VERTEX_XY {ids(tree)} {numbers(p + (0 if tree == 2 else rng.normal(0, 0.5, 2)), 9)}\n")
+        f.write(f"FIX {ids(2)}\n" + "\n".join(lines) + "\n")
+
+
+def hall(path):
+    rng = np.random.default_rng(60)
+    count, ids = 60, lambda mark: 500 + mark
+    compose = lambda a, b: (a[0] @ b[0], a[0] @ b[1] + a[1])
+    inverse = lambda a: (a[0].T, -a[0].T @ a[1])
+    noisy = lambda a, xi: compose(a, (exp_so3(xi[3:]), xi[:3]))
+    put = lambda a: f"{numbers(a[1], 9)} " + " ".join(f"{x:.12f}" for x in quaternion(a[0]))
+    truth = []
+    for k in range(count):
+        a = 2.2 * np.pi * k / count
+        eye = np.array([6 * np.cos(a), 5 * np.sin(a), 1 + 0.5 * np.sin(3 * a)])
+        truth.append((exp_so3(np.array([0.1 * np.sin(a), 0.2 * np.cos(2 * a), a + 1.6])), eye))
+    marks = rng.uniform([-9, -8, 0], [9, 8, 4], (40, 3))
+    sensors = {3: (exp_so3(np.array([0.2, -1.1, 0.4])), np.array([0.3, -0.1, 0.2])),
+               8: (exp_so3(np.array([-0.5, 0.3, 2.0])), np.array([-0.2, 0.4, 0.1]))}
+    odometry, seen = information(rng, (0.03, 0.02, 0.03, 0.01, 0.01, 0.02)), information(rng, (0.05, 0.04, 0.08))
+    start, lines = [truth[0]], []
+    for i in range(count - 1):
+        z = noisy(compose(inverse(truth[i]), truth[i + 1]), draw(rng, odometry))
+        start.append(compose(start[-1], z))
+        lines.append(f"EDGE_SE3:QUAT {i} {i + 1} {put(z)} {upper(odometry)}")
+    for i, x in enumerate(truth):
+        for mark, p in enumerate(marks):
+            sensor = 3 if (i + mark) % 2 else 8
+            q = compose(inverse(compose(x, sensors[sensor])), (np.eye(3), p))[1]
+            if np.linalg.norm(q) < 5 and rng.random() < 0.6:
+                lines.append(f"EDGE_SE3_TRACKXYZ {i} {ids(mark)} {sensor} {numbers(q + draw(rng, seen), 9)} {upper(seen)}")
+    whole = information(rng, (0.1, 0.1, 0.1, 0.03, 0.04, 0.05))
+    for i, sensor in ((0, 3), (30, 8)):
+        z = noisy(compose(truth[i], sensors[sensor]), draw(rng, whole))
+        lines.append(f"EDGE_SE3_PRIOR {i} {sensor} {put(z)} {upper(whole)}")
+    lines.append(f"EDGE_SE3_XYZ_PRIOR 45 3 {numbers(truth[45][1] + rng.normal(0, 0.1, 3), 9)} 100 10 0 90 5 120")
+    lines.append(f"EDGE_POINTXYZ_PRIOR {ids(4)} {numbers(marks[4] + rng.normal(0, 0.1, 3), 9)} 100 0 0 100 0 100")
+    with open(path, "w") as f:
+        for sensor, pose in sensors.items():
+            f.write(f"PARAMS_SE3OFFSET {sensor} {put(pose)}\n")
+        for i, x in enumerate(start):
+            f.write(f"VERTEX_SE3:QUAT {i} {put(x)}\n")
+        for mark, p in enumerate(marks):
+            f.write(f"VERTEX_TRACKXYZ {ids(mark)} {numbers(p + rng.normal(0, 0.3, 3), 9)}\n")
+        f.write("\n".join(lines) + "\n")
+
+
 # ---------------------------------------------------------------- COLMAP
 
 
@@ -346,6 +427,8 @@ def main():
     sphere(inside("sphere-200.g2o"))
     grid(inside("grid-200.g2o"), 200, 201, True)
     grid(inside("grid-100-edges.g2o"), 100, 101, False)
+    park(inside("park-80.g2o"))
+    hall(inside("hall-60.g2o"))
     room(inside("colmap-room"))
     walk(inside("walk-truth.txt"), inside("walk-estimate.txt"))
     mono(inside("mono-truth.txt"), inside("mono-estimate.txt"))
