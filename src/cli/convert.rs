@@ -12,7 +12,7 @@ use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::{Content, Format};
-use covis_solvers::io::g2o::{G2oGraph, Indefinite};
+use covis_solvers::io::g2o::{G2oGraph, G2oReading};
 use covis_solvers::io::ply::{PlyEncoding, PlyFile, PlyVertex};
 use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat, read_times};
@@ -48,6 +48,10 @@ pub(super) struct Args {
     times: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
+    /// Skip the lines of a g2o file that covis does not read, and say how many of each tag. Without this
+    /// flag such a line is an error.
+    #[arg(long)]
+    skip_unknown: bool,
     /// Print one JSON object instead of a sentence.
     #[arg(long)]
     json: bool,
@@ -174,7 +178,9 @@ fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
         Format::Bal => bundle(SparseModel::from_bal(&BalFile::parse(&bytes, path)?)),
         Format::Bundler => bundle(SparseModel::from_bundler(&BundlerFile::read(path)?)?),
         Format::G2o => {
-            let (graph, changes) = G2oGraph::parse_with(&bytes, path, Indefinite::Refuse)?;
+            let reading = G2oReading { skip_unknown: args.skip_unknown, ..G2oReading::default() };
+            let (graph, changes) =
+                G2oGraph::parse_with(&bytes, path, reading).map_err(formats::with_skipping)?;
             formats::warn_of_changes(path, &changes);
             Input::PoseGraph(graph)
         }

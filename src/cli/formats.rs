@@ -116,7 +116,9 @@ pub(super) fn with_kind(error: IoError, path: &Path, wanted: Content) -> anyhow:
     // What looks like nothing is called TUM's, which would be no help.
     let unsure = Format::Trajectory(TrajectoryFormat::Tum);
     let other = told.filter(|format| format.entry().content != wanted && *format != unsure);
-    let Some(entry) = other.map(Format::entry) else { return error.into() };
+    let Some(entry) = other.map(Format::entry) else {
+        return if told == Some(Format::G2o) { with_skipping(error) } else { error.into() };
+    };
     let command = match entry.content {
         Content::Bundle => "solve bundle",
         Content::PoseGraph => "solve pose-graph",
@@ -142,6 +144,16 @@ pub(super) fn extension(format: TrajectoryFormat) -> &'static str {
     Format::Trajectory(format).entry().extensions.first().copied().unwrap_or_default()
 }
 
+/// An error of a g2o file; where a tag is not read, with the flag that skips its lines.
+pub(super) fn with_skipping(error: IoError) -> anyhow::Error {
+    let is_unknown = matches!(error, IoError::UnknownTag { .. });
+    let error = anyhow::Error::new(error);
+    match is_unknown {
+        true => error.context("--skip-unknown skips the lines that covis does not read"),
+        false => error,
+    }
+}
+
 /// Warns of what the reader of a g2o file changed: a file that another program wrote may mean something
 /// else.
 pub(super) fn warn_of_changes(path: &Path, changes: &G2oChanges) {
@@ -153,4 +165,7 @@ pub(super) fn warn_of_changes(path: &Path, changes: &G2oChanges) {
     };
     warn(changes.normalized, "quaternions far from norm 1 are normalized");
     warn(changes.self_edges, "edges from a vertex to itself are left out");
+    for (tag, lines) in &changes.skipped {
+        warn(Some(*lines), &format!("lines with the tag {tag} are skipped"));
+    }
 }

@@ -10,7 +10,7 @@ use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::Format;
-use covis_solvers::io::g2o::{G2oChanges, G2oGraph, Indefinite};
+use covis_solvers::io::g2o::{G2oChanges, G2oGraph, G2oReading, Indefinite};
 use covis_solvers::io::pose_matrix;
 use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
@@ -32,17 +32,21 @@ pub(super) fn bal(input: &[u8]) {
     assert!(file.update_from(&problem).is_ok(), "a file does not take its own problem back");
 }
 
-/// A g2o file, as it stands and repaired.
+/// A g2o file, as it stands, repaired, and without the lines that are not read.
 pub(super) fn g2o(input: &[u8]) {
     let read = G2oGraph::parse(input, path());
-    let repaired = G2oGraph::parse_with(input, path(), Indefinite::Repair);
+    let repairing = G2oReading { indefinite: Indefinite::Repair, skip_unknown: false };
+    let repaired = G2oGraph::parse_with(input, path(), repairing);
+    let skipping = G2oReading { skip_unknown: true, ..repairing };
+    let skipped = G2oGraph::parse_with(input, path(), skipping);
     if let Ok(file) = &read {
         let is_same =
             |(same, changes): &(_, G2oChanges)| same == file && changes.repaired.is_none();
         assert!(repaired.as_ref().is_ok_and(is_same), "repaired for no reason");
     }
-    for file in [read.ok(), repaired.ok().map(|(file, _)| file)].into_iter().flatten() {
-        let again = G2oGraph::parse_with(&file.to_bytes(), path(), Indefinite::Refuse);
+    let changed = [repaired, skipped].map(|read| read.ok().map(|(file, _)| file));
+    for file in changed.into_iter().chain([read.ok()]).flatten() {
+        let again = G2oGraph::parse_with(&file.to_bytes(), path(), G2oReading::default());
         let unchanged = Some((&file, &G2oChanges::default()));
         let again = again.as_ref().ok().map(|(file, changes)| (file, changes));
         assert_eq!(again, unchanged, "what is written is read as another file");

@@ -282,6 +282,16 @@ pub enum IoError {
         /// What stands in the way.
         reason: &'static str,
     },
+    /// A factor cannot be written in this format.
+    #[error("{factor}, record {index}: {reason}")]
+    UnwritableFactor {
+        /// The kind of factor.
+        factor: &'static str,
+        /// Its position in its list, from 0.
+        index: usize,
+        /// What stands in the way.
+        reason: &'static str,
+    },
     /// A file beside another one has not one line for each of its records.
     #[error("{}: {actual} {what}, {expected} are needed", path.display())]
     ListLength {

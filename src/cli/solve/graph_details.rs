@@ -4,13 +4,16 @@
 //!
 //! The diagnosis is made at the solution and after the clock has stopped.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use covis_solvers::certificate::Certificate;
 use covis_solvers::geometry::LieGroup;
 use covis_solvers::io::IoError;
 use covis_solvers::io::format::Content;
-use covis_solvers::io::g2o::{ChangedLines, G2oChanges, G2oGraph, Indefinite, RepairedEdges};
+use covis_solvers::io::g2o::{
+    ChangedLines, G2oChanges, G2oGraph, G2oReading, Indefinite, RepairedEdges,
+};
 use covis_solvers::loss::Loss;
 use covis_solvers::pose_graph::{self, Undetermined};
 use covis_solvers::problem::{PoseGraph, SolveError};
@@ -36,8 +39,20 @@ pub(super) struct GraphDetails {
     pub(super) certificate: Option<CertificateDetails>,
     pub(super) vertices: usize,
     pub(super) edges: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    pub(super) landmarks: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    pub(super) landmark_measurements: usize,
+    /// On poses and their positions; those on landmarks are measurements of them.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub(super) priors: usize,
     #[serde(flatten)]
     pub(super) diagnosis: Diagnosis,
+}
+
+/// Whether a count is left out.
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// What `--certify` proved.
@@ -78,7 +93,14 @@ struct SwitchedOff {
 
 impl Details for GraphDetails {
     fn lines(&self) -> Vec<(&'static str, String)> {
-        let size = format!("{}, {} vertices, {} edges", self.group, self.vertices, self.edges);
+        let mut size = format!("{}, {} vertices, {} edges", self.group, self.vertices, self.edges);
+        if self.landmarks > 0 {
+            let (landmarks, measured) = (self.landmarks, self.landmark_measurements);
+            size += &format!(", {landmarks} landmarks, {measured} measurements of them");
+        }
+        if self.priors > 0 {
+            size += &format!(", {} priors", self.priors);
+        }
         let seconds = self.init_seconds.map(|seconds| format!(", {seconds:.6} s"));
         let start = format!("{}{}", self.init, seconds.unwrap_or_default());
         let mut lines = vec![("start", start), ("problem", size)];
@@ -168,6 +190,9 @@ pub(super) struct Diagnosis {
     /// Edges from a vertex to itself, which are left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     self_edges: Option<Changed>,
+    /// With `--skip-unknown`, by tag.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    skipped: BTreeMap<String, Changed>,
     /// With `--repair-information`.
     #[serde(skip_serializing_if = "Option::is_none")]
     repaired: Option<Repaired>,
@@ -207,14 +232,12 @@ struct Open {
     directions: Vec<Vec<f64>>,
 }
 
-/// Reads a file, as it stands or with its information matrices repaired, and warns of what was changed
-/// without being asked for.
-pub(super) fn read(path: &Path, repair: bool) -> anyhow::Result<(G2oGraph, Diagnosis)> {
-    let indefinite = if repair { Indefinite::Repair } else { Indefinite::Refuse };
-    match G2oGraph::read_with(path, indefinite) {
+/// Reads a file and warns of what was changed without being asked for, or was skipped.
+pub(super) fn read(path: &Path, reading: G2oReading) -> anyhow::Result<(G2oGraph, Diagnosis)> {
+    match G2oGraph::read_with(path, reading) {
         Ok((file, changes)) => {
             warn_of_changes(path, &changes);
-            Ok((file, Diagnosis::new(&changes, repair)))
+            Ok((file, Diagnosis::new(&changes, reading.indefinite == Indefinite::Repair)))
         }
         Err(error @ IoError::IndefiniteInformation { .. }) => Err(anyhow::Error::new(error)
             .context("--repair-information takes the nearest positive semi-definite matrices")),
@@ -236,12 +259,12 @@ impl Repaired {
 impl Diagnosis {
     /// What the reader changed.
     fn new(changes: &G2oChanges, repair: bool) -> Self {
-        let changed = |lines: Option<ChangedLines>| {
-            lines.map(|ChangedLines { count, first_line }| Changed { count, first_line })
-        };
+        let changed = |ChangedLines { count, first_line }| Changed { count, first_line };
+        let skipped = changes.skipped.iter().map(|(tag, lines)| (tag.clone(), changed(*lines)));
         Self {
-            normalized: changed(changes.normalized),
-            self_edges: changed(changes.self_edges),
+            normalized: changes.normalized.map(changed),
+            self_edges: changes.self_edges.map(changed),
+            skipped: skipped.collect(),
             repaired: repair.then(|| Repaired::new(changes.repaired)),
             ..Self::default()
         }
@@ -252,7 +275,9 @@ impl Diagnosis {
         &mut self,
         graph: &PoseGraph<G, N>,
     ) -> Result<(), SolveError> {
-        let held = graph.ids.iter().zip(&graph.constant).filter(|&(_, &constant)| constant);
+        let poses = graph.ids.iter().zip(&graph.constant);
+        let landmarks = graph.landmarks.ids.iter().zip(&graph.landmarks.constant);
+        let held = poses.chain(landmarks).filter(|&(_, &constant)| constant);
         self.gauge = held.map(|(&id, _)| id).collect();
         let open = pose_graph::undetermined(graph)?.into_iter();
         self.undetermined = open
@@ -267,6 +292,7 @@ impl Diagnosis {
     /// Lines `name value` of the summary.
     pub(super) fn lines(&self) -> Vec<(&'static str, String)> {
         let gauge = match self.gauge.as_slice() {
+            [] => "held by priors".to_owned(),
             [id] => format!("vertex {id} fixed"),
             ids => format!("{} vertices fixed", ids.len()),
         };

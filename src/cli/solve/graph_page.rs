@@ -59,6 +59,8 @@ impl GraphPage {
             }
         }
         let errors: Vec<f64> = order.iter().map(|&vertex| worst[vertex]).collect();
+        let landmarks: Vec<[f64; 3]> =
+            graph.landmarks.positions.iter().map(|&position| position.into()).collect();
         let plan = Plan {
             name: "Vertices",
             positions: &positions,
@@ -66,7 +68,7 @@ impl GraphPage {
             error_name: "largest residual of an edge that counts, standard deviations",
             is_path: true,
             reference: before.as_deref().map(|before| ("the file's own vertices", before)),
-            points: &[],
+            points: &landmarks,
             links: &links,
         };
         page.row(&views(&plan), &[]);

@@ -1,7 +1,7 @@
 //! `covis solve pose-graph`: a g2o file in SE(2) or SE(3).
 //!
-//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), with the lowest id fixed, or the `FIX` lines
-//! of the file where it has some. With `--repair-information` Ω is the nearest positive
+//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the cost of priors and of measured landmarks.
+//! The lowest id is fixed unless the file has `FIX` lines or priors, which hold the graph then. With `--repair-information` Ω is the nearest positive
 //! semi-definite matrix, and that is what `--out` writes. The reported time includes the start.
 //! With `--robust` the cost is over odometry and the loop closures at their weights, and the rows
 //! are of the last solve. With `--certify` that solve starts from the optimum of the chordal
@@ -12,14 +12,14 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use covis_solvers::evaluation::pose_graph_cost;
 use covis_solvers::factors::RelativePose;
 use covis_solvers::graph_optimization::{GraphPose, Judging, Optimized, Options, optimize};
 use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::IoError;
-use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::io::g2o::{G2oGraph, G2oReading, Indefinite};
 use covis_solvers::optimizer::{IterationSummary, Method, Termination, Tolerance};
 use covis_solvers::problem::PoseGraph;
 
@@ -36,7 +36,7 @@ use crate::cli::progress::Working;
 /// Arguments of `covis solve pose-graph`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// A g2o file with SE2 or SE3 records.
+    /// A g2o file with SE2 or SE3 records, landmarks and priors.
     #[arg(value_name = "FILE")]
     input: PathBuf,
     #[command(flatten)]
@@ -66,6 +66,10 @@ pub(super) struct Args {
     /// error.
     #[arg(long)]
     repair_information: bool,
+    /// Skip the lines that covis does not read, and say how many of each tag; --out does not have them.
+    /// Without this flag such a line is an error.
+    #[arg(long)]
+    skip_unknown: bool,
     /// Add the vertices one by one in id order, each with its edges to lower ids, and optimize
     /// after each; reports how long a step takes.
     #[arg(long, conflicts_with_all = ["robust", "certify", "init", "method", "loss"])]
@@ -77,7 +81,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     writable(args.shared.out.as_deref())?;
     args.shared.out.iter().try_for_each(|out| args.shared.overwrite.allow(out))?;
     let working = Working::new(format_args!("reading {}", args.input.display()));
-    let (file, diagnosis) = graph_details::read(&args.input, args.repair_information)?;
+    let indefinite = if args.repair_information { Indefinite::Repair } else { Indefinite::Refuse };
+    let reading = G2oReading { indefinite, skip_unknown: args.skip_unknown };
+    let (file, diagnosis) = graph_details::read(&args.input, reading)?;
     drop(working);
     let start = Instant::now();
     let from_file = file.has_vertices();
@@ -122,10 +128,10 @@ impl Run<'_> {
         let title = format!("Pose graph {}", self.name());
         let graph = &mut graph;
         graph.loss = shared.loss;
-        if !graph.constant.contains(&true) {
-            graph.fix_lowest_id();
-        }
+        graph.hold_gauge();
         if self.args.incremental {
+            let is_plain = graph.landmarks.is_empty() && !graph.has_priors();
+            ensure!(is_plain, "--incremental: {} has landmarks or priors", self.name());
             let solved = incremental::solve(graph, self.group, diagnosis);
             let incremental = solved.with_context(|| self.name())?;
             shared.out.as_deref().map_or(Ok(()), |out| write(graph, out))?;
@@ -175,6 +181,9 @@ impl Run<'_> {
             }),
             vertices: graph.poses.len(),
             edges: graph.edges.len(),
+            landmarks: graph.landmarks.len(),
+            landmark_measurements: graph.landmarks.measurements.len(),
+            priors: graph.pose_priors.len() + graph.position_priors.len(),
             diagnosis,
         };
         let outcome = Solved { summary, residuals, details };

@@ -1,7 +1,8 @@
 //! g2o files to pose graphs and back.
 //!
 //! Pose k of the graph is vertex k of the file; in a file of edges only it is the k-th lowest id.
-//! `FIX` makes a pose constant; without it the gauge is the caller's (the lowest id, by convention).
+//! `FIX` makes a pose or a landmark constant; without it and without priors the gauge is the caller's (the
+//! lowest id, by convention).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,7 +11,8 @@ use nalgebra::{SMatrix, Vector3};
 
 use super::super::rotation::{from_xyzw, to_xyzw};
 use super::super::{IoError, Location};
-use super::{G2oEdge, G2oFile, G2oSe2, G2oSe3, G2oVertex};
+use super::landmarks::{add_measurements, put_measurements};
+use super::{G2oEdge, G2oFile, G2oPoint, G2oSe2, G2oSe3, G2oVertex};
 use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, Se2, Se3};
 use crate::information::{Information, InformationError};
@@ -113,33 +115,33 @@ impl G2oSe3 {
 }
 
 impl<const P: usize, const U: usize> G2oFile<P, U> {
-    /// The file of a graph, constant poses as `FIX`.
+    /// The file of a graph, constant poses and landmarks as `FIX`.
     ///
     /// # Errors
-    /// [`IoError::OutOfRange`] where an edge names a pose that the graph does not hold.
+    /// [`IoError::OutOfRange`] where a factor names a variable that the graph does not hold;
+    /// [`IoError::UnwritableFactor`] for what g2o has no record of: ranges, a bearing in space, and a
+    /// measured position of another point than a pose's origin.
     pub fn from_pose_graph<G: G2oPose<N, P>, const N: usize>(
         graph: &PoseGraph<G, N>,
     ) -> Result<Self, IoError> {
-        let id = |index: usize, k: usize| {
-            graph.ids.get(index).copied().ok_or_else(|| IoError::OutOfRange {
-                location: Location::record(Path::new("edge"), k as u64),
-                field: "pose".to_owned(),
-                value: index as u64,
-                count: graph.ids.len() as u64,
-            })
-        };
+        let id = |index: usize, k: usize| id_at(&graph.ids, index, "pose", "edge", k);
         let mut edges = Vec::with_capacity(graph.edges.len());
         for (k, edge) in graph.edges.iter().enumerate() {
             let (i, j) = (id(edge.i, k)?, id(edge.j, k)?);
             edges.push(G2oEdge::new(i, j, &edge.i_from_j, &edge.information));
         }
-        let constant = graph.ids.iter().zip(&graph.constant).filter(|&(_, &constant)| constant);
+        let poses = graph.ids.iter().zip(&graph.constant);
+        let landmarks = graph.landmarks.ids.iter().zip(&graph.landmarks.constant);
+        let constant = poses.chain(landmarks).filter(|&(_, &constant)| constant);
         let fixed = constant.map(|(&id, _)| id).collect();
-        Ok(Self { vertices: vertices(graph), edges, fixed })
+        let (vertices, points) = (vertices(graph), points(graph));
+        let mut file = Self { vertices, edges, fixed, points, ..Self::default() };
+        put_measurements(graph, &mut file)?;
+        Ok(file)
     }
 
-    /// Takes the poses of a graph that [`G2oSe2::to_pose_graph`] or [`G2oSe3::to_pose_graph`] made;
-    /// edges stay the file's.
+    /// Takes the poses and landmarks of a graph that [`G2oSe2::to_pose_graph`] or
+    /// [`G2oSe3::to_pose_graph`] made; what was measured stays the file's.
     ///
     /// # Errors
     /// [`IoError::SizeMismatch`] or [`IoError::UnknownId`] where the vertices differ.
@@ -148,24 +150,88 @@ impl<const P: usize, const U: usize> G2oFile<P, U> {
         graph: &PoseGraph<G, N>,
     ) -> Result<(), IoError> {
         let vertices: Vec<G2oVertex<P>> = vertices(graph);
+        let points = points(graph);
         if self.has_vertices() {
-            let (actual, expected) = (vertices.len(), self.vertices.len());
-            if actual != expected {
-                return Err(IoError::SizeMismatch { what: "vertices", actual, expected });
-            }
-            for (k, (new, old)) in vertices.iter().zip(&self.vertices).enumerate() {
-                if new.id != old.id {
-                    let location = Location::record(Path::new("vertex"), k as u64);
-                    return Err(IoError::UnknownId {
-                        location,
-                        field: "vertex",
-                        id: new.id.into(),
-                    });
-                }
-            }
+            let ids = self.vertices.iter().map(|vertex| vertex.id);
+            check_ids("vertices", vertices.iter().map(|vertex| vertex.id), ids)?;
+            let ids = self.points.iter().map(|point| point.id);
+            check_ids("landmarks", points.iter().map(|point| point.id), ids)?;
         }
-        self.vertices = vertices;
+        (self.vertices, self.points) = (vertices, points);
         Ok(())
+    }
+}
+
+/// Refuses ids of a graph that are not those of its file.
+fn check_ids(
+    what: &'static str,
+    graph: impl ExactSizeIterator<Item = i64>,
+    file: impl ExactSizeIterator<Item = i64>,
+) -> Result<(), IoError> {
+    let (actual, expected) = (graph.len(), file.len());
+    if actual != expected {
+        return Err(IoError::SizeMismatch { what, actual, expected });
+    }
+    match graph.zip(file).enumerate().find(|(_, (new, old))| new != old) {
+        Some((k, (id, _))) => {
+            let location = Location::record(Path::new("vertex"), k as u64);
+            Err(IoError::UnknownId { location, field: "vertex", id: id.into() })
+        }
+        None => Ok(()),
+    }
+}
+
+/// The id of the variable that factor `k` of a kind names.
+pub(super) fn id_at(
+    ids: &[i64],
+    index: usize,
+    variable: &str,
+    factor: &str,
+    k: usize,
+) -> Result<i64, IoError> {
+    ids.get(index).copied().ok_or_else(|| IoError::OutOfRange {
+        location: Location::record(Path::new(factor), k as u64),
+        field: variable.to_owned(),
+        value: index as u64,
+        count: ids.len() as u64,
+    })
+}
+
+/// The element of a group that numbers of record `k` of a kind stand for.
+pub(super) fn element<G: G2oPose<N, P>, const N: usize, const P: usize>(
+    numbers: &[f64; P],
+    kind: &str,
+    k: usize,
+) -> Result<G, IoError> {
+    let norm = numbers.iter().skip(3).map(|c| c * c).sum::<f64>().sqrt();
+    let location = || Location::record(Path::new(kind), k as u64);
+    G::from_numbers(numbers).ok_or_else(|| IoError::BadQuaternion { location: location(), norm })
+}
+
+/// The information matrix of record `k` of a kind, between these ids.
+pub(super) fn information_of<const N: usize, const U: usize>(
+    upper: &[f64; U],
+    kind: &str,
+    k: usize,
+    ends: (i64, i64),
+) -> Result<Information<N>, IoError> {
+    let location = Location::record(Path::new(kind), k as u64);
+    Information::semidefinite(&symmetric(upper)).map_err(|error| refused(error, location, ends, 1))
+}
+
+/// Indices of poses and landmarks by id.
+pub(super) struct Indices {
+    pub(super) poses: BTreeMap<i64, usize>,
+    pub(super) landmarks: BTreeMap<i64, usize>,
+}
+
+impl Indices {
+    /// The index of the pose that record `k` of a kind names.
+    pub(super) fn pose(&self, id: i64, kind: &str, k: usize) -> Result<usize, IoError> {
+        let location = || Location::record(Path::new(kind), k as u64);
+        let unknown =
+            || IoError::UnknownId { location: location(), field: "vertex", id: id.into() };
+        self.poses.get(&id).copied().ok_or_else(unknown)
     }
 }
 
@@ -173,47 +239,62 @@ fn to_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usiz
     file: &G2oFile<P, U>,
 ) -> Result<PoseGraph<G, N>, IoError> {
     let location = |kind: &str, k: usize| Location::record(Path::new(kind), k as u64);
-    let element = |numbers: &[f64; P], kind: &str, k: usize| {
-        let norm = numbers.iter().skip(3).map(|c| c * c).sum::<f64>().sqrt();
-        G::from_numbers(numbers)
-            .ok_or_else(|| IoError::BadQuaternion { location: location(kind, k), norm })
+    let twice = |k: usize, id: i64| {
+        let location = location("vertex", k);
+        Err(IoError::DuplicateId { location, field: "vertex", id: id.into() })
     };
     let mut graph = PoseGraph::new();
-    let mut index_of = BTreeMap::new();
+    let mut indices = Indices { poses: BTreeMap::new(), landmarks: BTreeMap::new() };
     for (k, vertex) in file.vertices.iter().enumerate() {
         let index = graph.push_pose(vertex.id, element(&vertex.pose, "vertex", k)?);
-        if index_of.insert(vertex.id, index).is_some() {
-            let (location, id) = (location("vertex", k), vertex.id);
-            return Err(IoError::DuplicateId { location, field: "vertex", id: id.into() });
+        if indices.poses.insert(vertex.id, index).is_some() {
+            return twice(k, vertex.id);
+        }
+    }
+    for (k, point) in file.points.iter().enumerate() {
+        let index = graph.landmarks.push(point.id, point.position.into());
+        let is_pose = indices.poses.contains_key(&point.id);
+        if indices.landmarks.insert(point.id, index).is_some() || is_pose {
+            return twice(k, point.id);
         }
     }
     if !file.has_vertices() {
-        let ids: BTreeSet<i64> = file.edges.iter().flat_map(|e| [e.i, e.j]).collect();
-        for id in ids {
-            index_of.insert(id, graph.push_pose(id, G::identity()));
+        for id in file.ids_of_poses() {
+            indices.poses.insert(id, graph.push_pose(id, G::identity()));
+        }
+        for id in file.sightings.iter().map(|seen| seen.point).collect::<BTreeSet<i64>>() {
+            let add = || graph.landmarks.push(id, Vector3::zeros());
+            indices.landmarks.entry(id).or_insert_with(add);
         }
     }
-    let find = |id: i64, kind: &str, k: usize| {
-        let unknown =
-            || IoError::UnknownId { location: location(kind, k), field: "vertex", id: id.into() };
-        index_of.get(&id).copied().ok_or_else(unknown)
-    };
     for (k, &id) in file.fixed.iter().enumerate() {
-        graph.constant[find(id, "FIX", k)?] = true;
+        match indices.landmarks.get(&id) {
+            Some(&landmark) => graph.landmarks.constant[landmark] = true,
+            None => graph.constant[indices.pose(id, "FIX", k)?] = true,
+        }
     }
     graph.edges.reserve(file.edges.len());
     for (k, edge) in file.edges.iter().enumerate() {
-        let (i, j) = (find(edge.i, "edge", k)?, find(edge.j, "edge", k)?);
+        let (i, j) = (indices.pose(edge.i, "edge", k)?, indices.pose(edge.j, "edge", k)?);
         if i == j {
             return Err(IoError::SelfEdge { location: location("edge", k), id: edge.i });
         }
         let i_from_j = element(&edge.i_from_j, "edge", k)?;
-        let matrix = symmetric(&edge.information);
-        let information = Information::semidefinite(&matrix)
-            .map_err(|error| refused(error, location("edge", k), (edge.i, edge.j), 1))?;
+        let information = information_of(&edge.information, "edge", k, (edge.i, edge.j))?;
         graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
     }
+    add_measurements(file, &indices, &mut graph)?;
     Ok(graph)
+}
+
+impl<const P: usize, const U: usize> G2oFile<P, U> {
+    /// The ids of poses that records other than vertices name.
+    fn ids_of_poses(&self) -> BTreeSet<i64> {
+        let edges = self.edges.iter().flat_map(|edge| [edge.i, edge.j]);
+        let seen_from = self.sightings.iter().map(|sighting| sighting.pose);
+        let priors = self.pose_priors.iter().map(|prior| prior.id);
+        edges.chain(seen_from).chain(priors).collect()
+    }
 }
 
 /// The refusal of the first of `count` information matrices, that of edge (i, j).
@@ -241,4 +322,10 @@ fn vertices<G: G2oPose<N, P>, const N: usize, const P: usize>(
     graph: &PoseGraph<G, N>,
 ) -> Vec<G2oVertex<P>> {
     graph.ids.iter().zip(&graph.poses).map(|(&id, pose)| G2oVertex::new(id, pose)).collect()
+}
+
+/// The lines of landmarks of a graph.
+fn points<G, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<G2oPoint> {
+    let landmarks = graph.landmarks.ids.iter().zip(&graph.landmarks.positions);
+    landmarks.map(|(&id, &position)| G2oPoint { id, position: position.into() }).collect()
 }

@@ -3,7 +3,7 @@
 //! Lines are remembered during the parse only, so that a refusal names them. Numbers stay those of the
 //! file, except for quaternions far from norm 1 and for information matrices that are repaired on request.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::super::error::excerpt;
@@ -11,31 +11,28 @@ use super::super::rotation::normalized;
 use super::super::text::{Line, Text};
 use super::super::{IoError, Location, files};
 use super::convert::{refused, symmetric, upper_triangle};
-use super::{ChangedLines, G2oChanges, G2oEdge, G2oFile, G2oGraph, G2oVertex, RepairedEdges};
+use super::tags::{Record, Space, read_tag};
+use super::{
+    ChangedLines, G2oChanges, G2oEdge, G2oFile, G2oGraph, G2oMeasured, G2oOffset, G2oPoint,
+    G2oPosePrior, G2oPositionPrior, G2oReading, G2oSighting, G2oVertex, Indefinite, RepairedEdges,
+};
 use crate::information::{Information, InformationError};
 
-/// What becomes of information matrices with negative eigenvalues.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Indefinite {
-    /// The file is refused.
-    Refuse,
-    /// The nearest positive semi-definite matrix (in the Frobenius norm) takes their place.
-    Repair,
-}
+/// Entries of the upper triangle of a 3×3 matrix that a 2×2 matrix has.
+pub(super) const PLANE: [usize; 3] = [0, 1, 3];
 
-/// What a line holds.
-enum Tag {
-    Vertex,
-    Edge,
-    Fix,
-    Parameter,
-}
+/// Tags that `--skip-unknown` lists at most; the others are counted with the last.
+const MAX_SKIPPED: usize = 64;
 
 /// A file that is being read, with the line of each record.
 struct Builder<const P: usize, const U: usize> {
     file: G2oFile<P, U>,
     edge_lines: Vec<u64>,
-    ids: BTreeSet<i64>,
+    sighting_lines: Vec<u64>,
+    pose_prior_lines: Vec<u64>,
+    position_prior_lines: Vec<u64>,
+    poses: BTreeSet<i64>,
+    points: BTreeSet<i64>,
     changes: G2oChanges,
 }
 
@@ -43,50 +40,52 @@ struct Builder<const P: usize, const U: usize> {
 pub(super) fn parse(
     bytes: &[u8],
     path: &Path,
-    indefinite: Indefinite,
+    reading: G2oReading,
 ) -> Result<(G2oGraph, G2oChanges), IoError> {
     files::check_lines(bytes, path)?;
     let mut se2 = Builder::<3, 6>::new();
     let mut se3 = Builder::<7, 21>::new();
     let mut fixed: Vec<(i64, u64)> = Vec::new();
+    let mut skipped: BTreeMap<String, ChangedLines> = BTreeMap::new();
     let mut text = Text::new(bytes, path);
     while let Some(mut line) = text.record() {
         let word = line.word().unwrap_or_default();
-        let (tag, is_se3) = match word {
-            b"VERTEX_SE2" => (Tag::Vertex, false),
-            b"EDGE_SE2" => (Tag::Edge, false),
-            b"VERTEX_SE3:QUAT" => (Tag::Vertex, true),
-            b"EDGE_SE3:QUAT" => (Tag::Edge, true),
-            b"FIX" => (Tag::Fix, false),
-            // Only edges that are not read, and refused, use parameters.
-            word if word.starts_with(b"PARAMS_") => (Tag::Parameter, false),
-            _ => return Err(IoError::UnknownTag { location: line.location(), tag: excerpt(word) }),
+        let Some((record, space)) = read_tag(word) else {
+            if !reading.skip_unknown {
+                return Err(IoError::UnknownTag { location: line.location(), tag: excerpt(word) });
+            }
+            let is_full = skipped.len() >= MAX_SKIPPED;
+            let tag = if is_full { "others".to_owned() } else { excerpt(word) };
+            note(&mut skipped.entry(tag).or_insert_with(|| ChangedLines::before(&line)));
+            continue;
         };
-        match (tag, is_se3) {
-            (Tag::Parameter, _) => {}
-            (Tag::Fix, _) => {
+        match (record, space) {
+            // Of parameters, only offsets of sensors in space are used.
+            (Record::Parameter, _) => {}
+            (Record::Offset, _) => se3.offset(line)?,
+            (Record::Fix, _) => {
                 fixed.push((line.integer("vertex id")?, line.line_number()));
                 while !line.is_at_end() {
                     fixed.push((line.integer("vertex id")?, line.line_number()));
                 }
             }
-            (_, false) if !se3.is_empty() => return Err(mixed(&line, word, "3D")),
-            (_, true) if !se2.is_empty() => return Err(mixed(&line, word, "2D")),
-            (Tag::Vertex, false) => se2.vertex(line)?,
-            (Tag::Vertex, true) => se3.vertex(line)?,
-            (Tag::Edge, false) => se2.edge(line)?,
-            (Tag::Edge, true) => se3.edge(line)?,
+            (_, Space::Plane) if !se3.is_empty() => return Err(mixed(&line, word, "3D")),
+            (_, Space::Solid) if !se2.is_empty() => return Err(mixed(&line, word, "2D")),
+            (record, Space::Plane) => se2.record(record, line)?,
+            (record, Space::Solid) => se3.record(record, line)?,
         }
     }
-    if !se2.is_empty() {
-        let (file, changes) = se2.finish::<3>(fixed, path, indefinite)?;
-        Ok((G2oGraph::Se2(file), changes))
+    let (graph, mut changes) = if !se2.is_empty() {
+        let (file, changes) = se2.finish::<3>(fixed, path, reading.indefinite)?;
+        (G2oGraph::Se2(file), changes)
     } else if !se3.is_empty() {
-        let (file, changes) = se3.finish::<6>(fixed, path, indefinite)?;
-        Ok((G2oGraph::Se3(file), changes))
+        let (file, changes) = se3.finish::<6>(fixed, path, reading.indefinite)?;
+        (G2oGraph::Se3(file), changes)
     } else {
-        Err(IoError::Empty { path: path.to_owned(), what: "vertex or edge" })
-    }
+        return Err(IoError::Empty { path: path.to_owned(), what: "vertex or edge" });
+    };
+    changes.skipped = skipped.into_iter().collect();
+    Ok((graph, changes))
 }
 
 fn mixed(line: &Line<'_>, tag: &[u8], kind: &'static str) -> IoError {
@@ -94,14 +93,56 @@ fn mixed(line: &Line<'_>, tag: &[u8], kind: &'static str) -> IoError {
 }
 
 impl<const P: usize, const U: usize> Builder<P, U> {
+    const SPACE: Space = if P == 3 { Space::Plane } else { Space::Solid };
+
     fn new() -> Self {
-        let file = G2oFile { vertices: Vec::new(), edges: Vec::new(), fixed: Vec::new() };
-        let changes = G2oChanges::default();
-        Self { file, edge_lines: Vec::new(), ids: BTreeSet::new(), changes }
+        Self {
+            file: G2oFile::default(),
+            edge_lines: Vec::new(),
+            sighting_lines: Vec::new(),
+            pose_prior_lines: Vec::new(),
+            position_prior_lines: Vec::new(),
+            poses: BTreeSet::new(),
+            points: BTreeSet::new(),
+            changes: G2oChanges::default(),
+        }
     }
 
+    /// Whether there is neither a pose nor anything that measures one.
     fn is_empty(&self) -> bool {
-        self.file.vertices.is_empty() && self.file.edges.is_empty()
+        let file = &self.file;
+        file.vertices.is_empty()
+            && file.edges.is_empty()
+            && file.points.is_empty()
+            && file.sightings.is_empty()
+            && file.pose_priors.is_empty()
+            && file.position_priors.is_empty()
+    }
+
+    fn record(&mut self, record: Record, line: Line<'_>) -> Result<(), IoError> {
+        match record {
+            Record::Pose => self.vertex(line),
+            Record::Point => self.point(line),
+            Record::Edge => self.edge(line),
+            Record::Position => self.position(line),
+            Record::Bearing => self.bearing(line),
+            Record::PosePrior => self.pose_prior(line),
+            Record::PositionPrior => self.position_prior(line, false),
+            Record::PositionPriorWithOffset => self.position_prior(line, true),
+            // These belong to no group.
+            Record::Offset | Record::Fix | Record::Parameter => Ok(()),
+        }
+    }
+
+    fn new_id(&mut self, id: i64, is_point: bool, location: Location) -> Result<(), IoError> {
+        let (own, other) = match is_point {
+            true => (&mut self.points, &self.poses),
+            false => (&mut self.poses, &self.points),
+        };
+        if other.contains(&id) || !own.insert(id) {
+            return Err(IoError::DuplicateId { location, field: "vertex", id: id.into() });
+        }
+        Ok(())
     }
 
     fn vertex(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
@@ -110,10 +151,31 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         self.normalize(&mut pose, &line)?;
         let location = line.location();
         line.end()?;
-        if !self.ids.insert(id) {
-            return Err(IoError::DuplicateId { location, field: "vertex", id: id.into() });
-        }
+        self.new_id(id, false, location)?;
         self.file.vertices.push(G2oVertex { id, pose });
+        Ok(())
+    }
+
+    fn point(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+        let id: i64 = line.integer("vertex id")?;
+        let position = position(&mut line, "position", Self::SPACE)?;
+        let location = line.location();
+        line.end()?;
+        self.new_id(id, true, location)?;
+        self.file.points.push(G2oPoint { id, position });
+        Ok(())
+    }
+
+    fn offset(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+        let id: i64 = line.integer("parameter id")?;
+        let mut pose_from_sensor = line.numbers("offset")?;
+        self.normalize(&mut pose_from_sensor, &line)?;
+        let location = line.location();
+        line.end()?;
+        if self.file.offsets.iter().any(|offset| offset.id == id) {
+            return Err(IoError::DuplicateId { location, field: "parameter", id: id.into() });
+        }
+        self.file.offsets.push(G2oOffset { id, pose_from_sensor });
         Ok(())
     }
 
@@ -123,13 +185,67 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         let mut i_from_j = line.numbers("measurement")?;
         let information = line.numbers("information")?;
         if i == j {
-            note(&mut self.changes.self_edges, &line);
+            note(self.changes.self_edges.get_or_insert_with(|| ChangedLines::before(&line)));
             return line.end();
         }
         self.normalize(&mut i_from_j, &line)?;
         self.edge_lines.push(line.line_number());
         line.end()?;
         self.file.edges.push(G2oEdge { i, j, i_from_j, information });
+        Ok(())
+    }
+
+    fn position(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+        let pose: i64 = line.integer("vertex i")?;
+        let point: i64 = line.integer("vertex j")?;
+        let offset = match Self::SPACE {
+            Space::Plane => None,
+            Space::Solid => Some(line.integer("parameter id")?),
+        };
+        let measured = position(&mut line, "measurement", Self::SPACE)?;
+        let information = information(&mut line, Self::SPACE)?;
+        self.sighting_lines.push(line.line_number());
+        line.end()?;
+        let measured = G2oMeasured::Position(measured);
+        self.file.sightings.push(G2oSighting { pose, point, offset, measured, information });
+        Ok(())
+    }
+
+    fn bearing(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+        let pose: i64 = line.integer("vertex i")?;
+        let point: i64 = line.integer("vertex j")?;
+        let measured = G2oMeasured::Bearing(line.number("measurement[0]")?);
+        let mut information = [0.0; 6];
+        information[0] = line.number("information[0]")?;
+        self.sighting_lines.push(line.line_number());
+        line.end()?;
+        self.file.sightings.push(G2oSighting { pose, point, offset: None, measured, information });
+        Ok(())
+    }
+
+    fn pose_prior(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+        let id: i64 = line.integer("vertex")?;
+        let offset = match Self::SPACE {
+            Space::Plane => None,
+            Space::Solid => Some(line.integer("parameter id")?),
+        };
+        let mut world_from_sensor = line.numbers("measurement")?;
+        let information = line.numbers("information")?;
+        self.normalize(&mut world_from_sensor, &line)?;
+        self.pose_prior_lines.push(line.line_number());
+        line.end()?;
+        self.file.pose_priors.push(G2oPosePrior { id, offset, world_from_sensor, information });
+        Ok(())
+    }
+
+    fn position_prior(&mut self, mut line: Line<'_>, has_offset: bool) -> Result<(), IoError> {
+        let id: i64 = line.integer("vertex")?;
+        let offset = has_offset.then(|| line.integer("parameter id")).transpose()?;
+        let position = position(&mut line, "measurement", Self::SPACE)?;
+        let information = information(&mut line, Self::SPACE)?;
+        self.position_prior_lines.push(line.line_number());
+        line.end()?;
+        self.file.position_priors.push(G2oPositionPrior { id, offset, position, information });
         Ok(())
     }
 
@@ -140,7 +256,7 @@ impl<const P: usize, const U: usize> Builder<P, U> {
             && let Some(new) = normalized(quaternion, || line.location())?
         {
             *quaternion = new;
-            note(&mut self.changes.normalized, line);
+            note(self.changes.normalized.get_or_insert_with(|| ChangedLines::before(line)));
         }
         Ok(())
     }
@@ -152,21 +268,75 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         path: &Path,
         indefinite: Indefinite,
     ) -> Result<(G2oFile<P, U>, G2oChanges), IoError> {
-        let edges = &self.file.edges;
         if !self.file.has_vertices() {
-            self.ids.extend(edges.iter().flat_map(|e| [e.i, e.j]));
+            self.take_ids_of_edges(path)?;
         }
-        let lines = || edges.iter().zip(&self.edge_lines);
-        let edge_ends = lines().flat_map(|(e, &line)| [(e.i, line), (e.j, line)]);
-        for (id, line) in edge_ends.chain(fixed.iter().copied()) {
-            if !self.ids.contains(&id) {
-                let location = Location::line(path, line);
-                return Err(IoError::UnknownId { location, field: "vertex", id: id.into() });
-            }
-        }
+        self.check_references(&fixed, path)?;
         self.changes.repaired = self.check_information::<N>(path, indefinite)?;
         self.file.fixed = fixed.into_iter().map(|(id, _)| id).collect();
         Ok((self.file, self.changes))
+    }
+
+    /// In a file without poses, these are what its edges name, and so are landmarks whose position was
+    /// measured.
+    fn take_ids_of_edges(&mut self, path: &Path) -> Result<(), IoError> {
+        let file = &self.file;
+        self.poses.extend(file.edges.iter().flat_map(|edge| [edge.i, edge.j]));
+        self.poses.extend(file.sightings.iter().map(|sighting| sighting.pose));
+        self.poses.extend(file.pose_priors.iter().map(|prior| prior.id));
+        for (sighting, &line) in file.sightings.iter().zip(&self.sighting_lines) {
+            if self.poses.contains(&sighting.point) {
+                let (location, id) = (Location::line(path, line), sighting.point.into());
+                return Err(IoError::DuplicateId { location, field: "vertex", id });
+            }
+            if matches!(sighting.measured, G2oMeasured::Position(_)) {
+                self.points.insert(sighting.point);
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses the first record, by its kind and then its line, that names what is not there.
+    fn check_references(&self, fixed: &[(i64, u64)], path: &Path) -> Result<(), IoError> {
+        let file = &self.file;
+        let unknown = |field: &'static str, id: i64, line: u64| {
+            let location = Location::line(path, line);
+            Err(IoError::UnknownId { location, field, id: id.into() })
+        };
+        let pose = |id: i64, line: u64| match self.poses.contains(&id) {
+            true => Ok(()),
+            false if self.points.contains(&id) => unknown("pose", id, line),
+            false => unknown("vertex", id, line),
+        };
+        let offset = |id: Option<i64>, line: u64| match id {
+            Some(id) if !file.offsets.iter().any(|offset| offset.id == id) => {
+                unknown("parameter", id, line)
+            }
+            Some(_) | None => Ok(()),
+        };
+        for (edge, &line) in file.edges.iter().zip(&self.edge_lines) {
+            pose(edge.i, line)?;
+            pose(edge.j, line)?;
+        }
+        for (sighting, &line) in file.sightings.iter().zip(&self.sighting_lines) {
+            pose(sighting.pose, line)?;
+            if !self.points.contains(&sighting.point) {
+                return unknown("landmark", sighting.point, line);
+            }
+            offset(sighting.offset, line)?;
+        }
+        for (prior, &line) in file.pose_priors.iter().zip(&self.pose_prior_lines) {
+            pose(prior.id, line)?;
+            offset(prior.offset, line)?;
+        }
+        let positions = file.position_priors.iter().zip(&self.position_prior_lines);
+        let on_position = positions.map(|(prior, &line)| (prior.id, line));
+        for (id, line) in on_position.chain(fixed.iter().copied()) {
+            if !self.poses.contains(&id) && !self.points.contains(&id) {
+                return unknown("vertex", id, line);
+            }
+        }
+        Ok(())
     }
 
     /// Refuses or repairs information matrices with negative eigenvalues.
@@ -175,35 +345,93 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         path: &Path,
         indefinite: Indefinite,
     ) -> Result<Option<RepairedEdges>, IoError> {
-        let mut first = None;
-        let mut count = 0;
+        let mut check = Check { path, indefinite, count: 0, first: None };
         for (edge, &line) in self.file.edges.iter_mut().zip(&self.edge_lines) {
-            let matrix = symmetric::<N, U>(&edge.information);
-            let Err(error) = Information::semidefinite(&matrix) else { continue };
-            count += 1;
-            first.get_or_insert((error, line, (edge.i, edge.j)));
-            if indefinite == Indefinite::Repair {
-                let nearest = Information::nearest(&matrix);
-                let refuse =
-                    |error| refused(error, Location::line(path, line), (edge.i, edge.j), 1);
-                edge.information = upper_triangle(&nearest.map_err(refuse)?);
-            }
+            check.matrix::<N, U>(&mut edge.information, line, (edge.i, edge.j))?;
         }
+        for (seen, &line) in self.file.sightings.iter_mut().zip(&self.sighting_lines) {
+            check.matrix::<3, 6>(&mut seen.information, line, (seen.pose, seen.point))?;
+        }
+        for (prior, &line) in self.file.pose_priors.iter_mut().zip(&self.pose_prior_lines) {
+            check.matrix::<N, U>(&mut prior.information, line, (prior.id, prior.id))?;
+        }
+        for (prior, &line) in self.file.position_priors.iter_mut().zip(&self.position_prior_lines) {
+            check.matrix::<3, 6>(&mut prior.information, line, (prior.id, prior.id))?;
+        }
+        check.finish()
+    }
+}
+
+/// The check of all information matrices.
+struct Check<'a> {
+    path: &'a Path,
+    indefinite: Indefinite,
+    count: usize,
+    first: Option<(InformationError, u64, (i64, i64))>,
+}
+
+impl Check<'_> {
+    fn matrix<const N: usize, const U: usize>(
+        &mut self,
+        upper: &mut [f64; U],
+        line: u64,
+        ends: (i64, i64),
+    ) -> Result<(), IoError> {
+        let matrix = symmetric::<N, U>(upper);
+        let Err(error) = Information::semidefinite(&matrix) else { return Ok(()) };
+        self.count += 1;
+        self.first.get_or_insert((error, line, ends));
+        if self.indefinite == Indefinite::Repair {
+            let refuse = |error| refused(error, Location::line(self.path, line), ends, 1);
+            *upper = upper_triangle(&Information::nearest(&matrix).map_err(refuse)?);
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Option<RepairedEdges>, IoError> {
+        let Self { path, indefinite, count, first } = self;
         match (first, indefinite) {
             (None, _) => Ok(None),
             (
                 Some((InformationError::Indefinite { smallest_eigenvalue }, first_line, (i, j))),
                 Indefinite::Repair,
             ) => Ok(Some(RepairedEdges { count, first_line, i, j, smallest_eigenvalue })),
-            (Some((error, line, edge)), _) => {
-                Err(refused(error, Location::line(path, line), edge, count))
+            (Some((error, line, ends)), _) => {
+                Err(refused(error, Location::line(path, line), ends, count))
             }
         }
     }
 }
 
+/// A position in the plane or in space.
+fn position(line: &mut Line<'_>, field: &str, space: Space) -> Result<[f64; 3], IoError> {
+    match space {
+        Space::Plane => line.numbers::<2>(field).map(|[x, y]| [x, y, 0.0]),
+        Space::Solid => line.numbers(field),
+    }
+}
+
+/// The upper triangle of the information matrix of a position.
+fn information(line: &mut Line<'_>, space: Space) -> Result<[f64; 6], IoError> {
+    match space {
+        Space::Plane => {
+            let mut upper = [0.0; 6];
+            let entries = line.numbers::<3>("information")?;
+            PLANE.into_iter().zip(entries).for_each(|(at, entry)| upper[at] = entry);
+            Ok(upper)
+        }
+        Space::Solid => line.numbers("information"),
+    }
+}
+
+impl ChangedLines {
+    /// None yet, before `line` is counted as the first.
+    fn before(line: &Line<'_>) -> Self {
+        Self { count: 0, first_line: line.line_number() }
+    }
+}
+
 /// Counts a line that is changed.
-fn note(lines: &mut Option<ChangedLines>, line: &Line<'_>) {
-    let first = ChangedLines { count: 0, first_line: line.line_number() };
-    lines.get_or_insert(first).count += 1;
+fn note(lines: &mut ChangedLines) {
+    lines.count += 1;
 }
