@@ -150,8 +150,8 @@ impl Landmarks {
         is_determined.iter().all(|&is_determined| is_determined)
     }
 
-    /// Checks lengths, indices, ids, numbers and losses, and that each landmark that may move was
-    /// measured; `pose_ids` has the ids of the `poses` poses.
+    /// Checks lengths, indices, ids, numbers and losses; `pose_ids` has the ids of the `poses` poses. A
+    /// landmark that nothing measures is open and stays where it is.
     pub(super) fn validate(
         &self,
         poses: usize,
@@ -174,7 +174,6 @@ impl Landmarks {
                 return Err(SolveError::NotFinite { what: "landmark", index: id });
             }
         }
-        let mut is_open: Vec<bool> = self.constant.iter().map(|&constant| !constant).collect();
         let factor = "landmark measurement";
         for (index, measurement) in self.measurements.iter().enumerate() {
             let ends = [
@@ -194,11 +193,7 @@ impl Landmarks {
             if !measurement.loss.unwrap_or_default().is_valid() {
                 return Err(SolveError::BadLoss { factor, index });
             }
-            is_open[measurement.landmark] = false;
         }
-        match is_open.iter().position(|&is_open| is_open) {
-            Some(open) => Err(SolveError::Singular { what: "landmark", id: self.ids[open] }),
-            None => Ok(()),
-        }
+        Ok(())
     }
 }

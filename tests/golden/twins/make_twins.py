@@ -251,10 +251,13 @@ def park(path):
     lines.append(f"EDGE_PRIOR_SE2 40 {numbers(compose_se2(truth[40], draw(rng, whole)), 9)} {upper(whole)}")
     lines.append(f"EDGE_PRIOR_SE2_XY 20 {numbers(truth[20][:2] + rng.normal(0, 0.1, 2), 9)} 100 20 80")
     lines.append(f"EDGE_PRIOR_SE2_XY {ids(6)} {numbers(trees[6] + rng.normal(0, 0.05, 2), 9)} 400 0 400")
+    named = {word for line in lines for word in line.split()[1:3]}
     with open(path, "w") as f:
         for i, x in enumerate(start):
             f.write(f"VERTEX_SE2 {i} {numbers(x, 9)}\n")
         for tree, p in enumerate(trees):
+            if str(ids(tree)) not in named:
+                continue  # no pose sees it
             f.write(f"VERTEX_XY {ids(tree)} {numbers(p + (0 if tree == 2 else rng.normal(0, 0.5, 2)), 9)}\n")
         f.write(f"FIX {ids(2)}\n" + "\n".join(lines) + "\n")
 
@@ -292,12 +295,15 @@ def hall(path):
         lines.append(f"EDGE_SE3_PRIOR {i} {sensor} {put(z)} {upper(whole)}")
     lines.append(f"EDGE_SE3_XYZ_PRIOR 45 3 {numbers(truth[45][1] + rng.normal(0, 0.1, 3), 9)} 100 10 0 90 5 120")
     lines.append(f"EDGE_POINTXYZ_PRIOR {ids(4)} {numbers(marks[4] + rng.normal(0, 0.1, 3), 9)} 100 0 0 100 0 100")
+    named = {word for line in lines for word in line.split()[1:3]}
     with open(path, "w") as f:
         for sensor, pose in sensors.items():
             f.write(f"PARAMS_SE3OFFSET {sensor} {put(pose)}\n")
         for i, x in enumerate(start):
             f.write(f"VERTEX_SE3:QUAT {i} {put(x)}\n")
         for mark, p in enumerate(marks):
+            if str(ids(mark)) not in named:
+                continue  # no sensor sees it
             f.write(f"VERTEX_TRACKXYZ {ids(mark)} {numbers(p + rng.normal(0, 0.3, 3), 9)}\n")
         f.write("\n".join(lines) + "\n")
 
