@@ -169,8 +169,10 @@ impl Format {
         }
         let Some(mut line) = Text::new(bytes, Path::new("")).record() else { return unknown };
         let first = line.word().unwrap_or_default();
-        if [&b"VERTEX_"[..], b"EDGE_", b"FIX", b"PARAMS_"].iter().any(|tag| first.starts_with(tag))
-        {
+        let tags = [&b"VERTEX_"[..], b"EDGE_", b"FIX", b"PARAMS_"];
+        // g2o's reader takes TORO's lines too.
+        let toro = [&b"VERTEX2"[..], b"EDGE2", b"VERTEX3", b"EDGE3"];
+        if tags.iter().any(|tag| first.starts_with(tag)) || toro.contains(&first) {
             return Self::G2o;
         }
         let more = std::iter::from_fn(|| line.word()).take(3).count();
@@ -217,6 +219,7 @@ mod tests {
         assert_eq!(told("problem-16.txt", "16 22106 83718\n0 0 1 2\n"), "bal");
         assert_eq!(told("a.txt", "# Bundle file v0.3\n1 1\n"), "bundler");
         assert_eq!(told("a.txt", "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"), "g2o");
+        assert_eq!(told("a.graph", "VERTEX2 0 1 2 3\n"), "g2o");
         assert_eq!(told("a.txt", ""), "tum");
     }
 

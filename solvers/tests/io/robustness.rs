@@ -80,15 +80,18 @@ proptest! {
     }
 
     #[test]
-    fn arbitrary_text(text in "[0-9eE+. \n\t#-]{0,200}", tag in 0..5usize) {
-        let tags = ["", "VERTEX_SE2", "EDGE_SE2", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT"];
+    fn arbitrary_text(text in "[0-9eE+. \n\t#-]{0,200}", tag in 0..12usize) {
+        let tags = [
+            "", "VERTEX_SE2", "EDGE_SE2", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "VERTEX_XY",
+            "EDGE_SE2_XY", "EDGE_SE3_TRACKXYZ", "PARAMS_SE3OFFSET", "EDGE_SE3_PRIOR", "EDGE2", "EDGE3",
+        ];
         let text = format!("{} {text}", tags[tag]);
         read_as_everything(text.as_bytes());
         read_as_colmap(tag % 3, text.as_bytes(), ColmapEncoding::Text);
     }
 
     #[test]
-    fn mutated_text_files(changes in changes(), which in 0..7usize) {
+    fn mutated_text_files(changes in changes(), which in 0..9usize) {
         let trajectory = b"1.5 1 2 3 0 0 0 1\n2.5 1 2 3 0 0.6 0 0.8\n".to_vec();
         let mut bytes = [
             bal::small().to_bytes(),
@@ -98,6 +101,8 @@ proptest! {
             b"1 0 0 5 0 0 -1 6 0 1 0 7\n".to_vec(),
             b"#timestamp [ns], p_x\n1403636580838555648,1,2,3,0.8,0,0.6,0,9\n".to_vec(),
             bundler::small().to_bytes(),
+            g2o::PLANE.into(),
+            g2o::SOLID.into(),
         ][which].clone();
         mutate(&mut bytes, &changes);
         read_as_everything(&bytes);

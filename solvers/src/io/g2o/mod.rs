@@ -8,13 +8,14 @@
 //! leaves out edges from a vertex to itself; [`G2oChanges`] tells of both. Other lines of parameters
 //! (`PARAMS_…`) are skipped: no record that is read uses them. A record that is not read is refused by
 //! its tag, or skipped and counted where the caller asks for it. Information matrices may be singular;
-//! negative eigenvalues are refused, or repaired in the file's numbers where the caller asks for it. A
+//! negative eigenvalues are refused, or repaired in the file's numbers where the caller asks for it. The
+//! lines of TORO are read as well, and written as g2o's. A
 //! file may have no vertices: its ids then come from the edges, its poses are the identity and the start
 //! must be made elsewhere.
 //!
 //! | file | role |
 //! |---|---|
-//! | `tags` | the tags of lines |
+//! | `tags`, `toro` | the tags of lines; numbers as TORO writes them |
 //! | `parse`, `write` | in and out |
 //! | `convert`, `landmarks` | graphs from files and files from graphs; what is measured of landmarks |
 
@@ -22,6 +23,7 @@ mod convert;
 mod landmarks;
 mod parse;
 mod tags;
+mod toro;
 mod write;
 
 use std::path::Path;

@@ -12,6 +12,7 @@ use super::super::text::{Line, Text};
 use super::super::{IoError, Location, files};
 use super::convert::{refused, symmetric, upper_triangle};
 use super::tags::{Record, Space, read_tag};
+use super::toro;
 use super::{
     ChangedLines, G2oChanges, G2oEdge, G2oFile, G2oGraph, G2oMeasured, G2oOffset, G2oPoint,
     G2oPosePrior, G2oPositionPrior, G2oReading, G2oSighting, G2oVertex, Indefinite, RepairedEdges,
@@ -121,9 +122,11 @@ impl<const P: usize, const U: usize> Builder<P, U> {
 
     fn record(&mut self, record: Record, line: Line<'_>) -> Result<(), IoError> {
         match record {
-            Record::Pose => self.vertex(line),
+            Record::Pose => self.vertex(line, Self::pose),
+            Record::ToroPose => self.vertex(line, toro::pose),
             Record::Point => self.point(line),
-            Record::Edge => self.edge(line),
+            Record::Edge => self.edge(line, Self::pose, Self::upper_triangle),
+            Record::ToroEdge => self.edge(line, toro::pose, toro::information),
             Record::Position => self.position(line),
             Record::Bearing => self.bearing(line),
             Record::PosePrior => self.pose_prior(line),
@@ -145,9 +148,23 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         Ok(())
     }
 
-    fn vertex(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+    /// A pose as g2o writes it.
+    fn pose(line: &mut Line<'_>, field: &str) -> Result<[f64; P], IoError> {
+        line.numbers(field)
+    }
+
+    /// An information matrix as g2o writes it.
+    fn upper_triangle(line: &mut Line<'_>) -> Result<[f64; U], IoError> {
+        line.numbers("information")
+    }
+
+    fn vertex(
+        &mut self,
+        mut line: Line<'_>,
+        pose: impl Fn(&mut Line<'_>, &str) -> Result<[f64; P], IoError>,
+    ) -> Result<(), IoError> {
         let id: i64 = line.integer("vertex id")?;
-        let mut pose = line.numbers("pose")?;
+        let mut pose = pose(&mut line, "pose")?;
         self.normalize(&mut pose, &line)?;
         let location = line.location();
         line.end()?;
@@ -179,11 +196,16 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         Ok(())
     }
 
-    fn edge(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+    fn edge(
+        &mut self,
+        mut line: Line<'_>,
+        pose: impl Fn(&mut Line<'_>, &str) -> Result<[f64; P], IoError>,
+        information: impl Fn(&mut Line<'_>) -> Result<[f64; U], IoError>,
+    ) -> Result<(), IoError> {
         let i: i64 = line.integer("vertex i")?;
         let j: i64 = line.integer("vertex j")?;
-        let mut i_from_j = line.numbers("measurement")?;
-        let information = line.numbers("information")?;
+        let mut i_from_j = pose(&mut line, "measurement")?;
+        let information = information(&mut line)?;
         if i == j {
             note(self.changes.self_edges.get_or_insert_with(|| ChangedLines::before(&line)));
             return line.end();

@@ -1,4 +1,4 @@
-//! Tags of g2o's lines.
+//! Tags of g2o's lines, and of TORO's, which g2o reads too.
 //!
 //! One table says which record a tag begins; what stands in a record is in `parse` and `write`.
 
@@ -6,8 +6,12 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Record {
     Pose,
+    /// As TORO writes it: roll, pitch and yaw in place of a quaternion.
+    ToroPose,
     Point,
     Edge,
+    /// As TORO writes it: angles, and in the plane another order of the information.
+    ToroEdge,
     /// A point seen from a pose.
     Position,
     Bearing,
@@ -38,11 +42,15 @@ pub(super) const POSITION_PRIOR_WITH_OFFSET: &str = "EDGE_SE3_XYZ_PRIOR";
 pub(super) const OFFSET: &str = "PARAMS_SE3OFFSET";
 
 /// The tags that are read, each with the record and the space.
-const TAGS: [(&str, Record, Space); 17] = [
+const TAGS: [(&str, Record, Space); 21] = [
     ("VERTEX_SE2", Record::Pose, Space::Plane),
     ("EDGE_SE2", Record::Edge, Space::Plane),
     ("VERTEX_SE3:QUAT", Record::Pose, Space::Solid),
     ("EDGE_SE3:QUAT", Record::Edge, Space::Solid),
+    ("VERTEX2", Record::ToroPose, Space::Plane),
+    ("EDGE2", Record::ToroEdge, Space::Plane),
+    ("VERTEX3", Record::ToroPose, Space::Solid),
+    ("EDGE3", Record::ToroEdge, Space::Solid),
     (POINT[0], Record::Point, Space::Plane),
     (POINT[1], Record::Point, Space::Solid),
     (POSITION[0], Record::Position, Space::Plane),
