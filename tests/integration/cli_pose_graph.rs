@@ -143,3 +143,65 @@ fn quaternions_far_from_norm_1_and_edges_to_the_same_vertex_are_told() {
     let zero = workspace.run("solve pose-graph zero.g2o", &[]);
     zero.expect_failure(&["zero.g2o, line 1", "norm 0"]);
 }
+
+#[test]
+fn a_graph_with_landmarks_and_priors_is_solved_and_written_back_whole() {
+    let workspace = Workspace::new();
+    let out = workspace.path("out.g2o");
+    for (name, fixed) in [("park-80", vec![1014]), ("hall-60", Vec::new())] {
+        let arguments = "solve pose-graph {} --init given --json --out {}";
+        let report = workspace.json(arguments, &[&twin(name), &out]);
+        let record = golden(&format!("gtsam/{name}-file-start.json"));
+        let record: serde_json::Value =
+            serde_json::from_slice(&fs_err::read(record).unwrap()).unwrap();
+        for cost in ["initial_cost", "final_cost"] {
+            assert!(close(number(&report, cost), number(&record, cost), 1e-8), "{name}: {report}");
+        }
+        assert_eq!(report["gauge"], serde_json::json!(fixed), "{name}");
+        assert!(report["landmarks"].as_u64() > Some(20), "{report}");
+        let again = workspace.json("solve pose-graph {} --init given --json", &[&out]);
+        assert!(close(number(&again, "initial_cost"), number(&report, "final_cost"), 1e-12));
+        let tags = |path: &PathBuf| {
+            let text = fs_err::read_to_string(path).unwrap();
+            let mut tags: Vec<String> =
+                text.lines().map(|line| line.split(' ').next().unwrap().to_owned()).collect();
+            tags.sort_unstable();
+            tags
+        };
+        assert_eq!(tags(&out), tags(&twin(name)), "{name}");
+    }
+    let text = workspace.run("solve pose-graph {}", &[&twin("hall-60")]).stdout;
+    for part in ["37 landmarks, 298 measurements of them, 3 priors", "gauge: held by priors"] {
+        assert!(text.contains(part), "`{part}` in {text}");
+    }
+    let input = twin("park-80");
+    for (flag, reason) in [
+        ("--robust gnc-tls", "with landmarks cannot be judged"),
+        ("--certify", "cannot be certified"),
+        ("--incremental", "has landmarks or priors"),
+    ] {
+        let refused = workspace.run(&format!("solve pose-graph {{}} {flag}"), &[&input]);
+        refused.expect_failure(&[reason]);
+    }
+}
+
+#[test]
+fn records_that_are_not_read_are_named_or_skipped_and_counted() {
+    let workspace = Workspace::new();
+    let text = "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nROBOTLASER1 1 2\nVERTEX_CAM 7\n\
+        ROBOTLASER1 3\nEDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n";
+    let input = workspace.file("graph.g2o", text);
+    let refused = workspace.run("solve pose-graph {}", &[&input]);
+    refused.expect_failure(&["line 3", "unknown tag `ROBOTLASER1`", "--skip-unknown"]);
+    let report = workspace.json("solve pose-graph {} --skip-unknown --json", &[&input]);
+    let lines = |count: u64, first: u64| serde_json::json!({ "count": count, "first_line": first });
+    let skipped = serde_json::json!({ "ROBOTLASER1": lines(2, 3), "VERTEX_CAM": lines(1, 4) });
+    assert_eq!(report["skipped"], skipped);
+    let out = workspace.path("copy.g2o");
+    let refused = workspace.run("convert {} {}", &[&input, &out]);
+    refused.expect_failure(&["line 3", "unknown tag `ROBOTLASER1`", "--skip-unknown"]);
+    let told = workspace.run("convert {} {} --skip-unknown", &[&input, &out]).stderr;
+    assert!(told.contains("lines with the tag ROBOTLASER1 are skipped: 2"), "{told}");
+    let again = workspace.json("solve pose-graph {} --json", &[&out]);
+    assert_eq!((&again["vertices"], &again["edges"]), (&2.into(), &1.into()));
+}
