@@ -288,7 +288,8 @@ impl Client {
         led!(self, answer("CopyMap", self.map_service().copy_map(request.clone()).await))
     }
 
-    /// Creates a map from files, whose chunks come in order. Dropping the future before the answer
+    /// Creates a map from files, whose chunks come in order; the map, and what it does not hold as the files
+    /// have it. Dropping the future before the answer
     /// leaves no map, unless the server had everything already.
     ///
     /// # Errors
@@ -297,13 +298,13 @@ impl Client {
         &self,
         header: v1::ImportMapHeader,
         chunks: impl Stream<Item = v1::FileChunk> + Send + 'static,
-    ) -> Result<v1::Map, ClientError> {
+    ) -> Result<(v1::Map, Vec<v1::ImportWarning>), ClientError> {
         const RPC: &str = "ImportMap";
         let message = |content| v1::ImportMapRequest { content: Some(content) };
         let header = tokio_stream::once(Content::Header(header));
         let content = header.chain(chunks.map(Content::Chunk)).map(message);
         let answer = answer(RPC, self.map_service().import_map(content).await)?;
-        one(RPC, answer.map)
+        Ok((one(RPC, answer.map)?, answer.warnings))
     }
 
     /// Starts an export; its files come chunk by chunk.

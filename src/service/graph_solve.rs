@@ -154,7 +154,11 @@ pub(super) fn to_graph_summary<G, const N: usize>(
     let mut summary = to_summary(&solved.solve, options.method);
     add_costs(&mut summary, &solved.before, &solved.after);
     summary.linear_solver = v1::LinearSolver::SparseCholesky.into();
-    let gauge = if marked { v1::Gauge::FixedPoses } else { v1::Gauge::FirstKeyframeFixed };
+    let gauge = match (marked, graph.constant.contains(&true)) {
+        (true, _) => v1::Gauge::FixedPoses,
+        (false, true) => v1::Gauge::FirstKeyframeFixed,
+        (false, false) => v1::Gauge::Priors,
+    };
     summary.gauge = gauge.into();
     let free = graph.constant.iter().filter(|&&constant| !constant).count();
     summary.free_pose_count = count(free);

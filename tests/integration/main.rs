@@ -102,6 +102,7 @@ mod rpc_gauge;
 mod rpc_gnss;
 mod rpc_import;
 mod rpc_import_solves;
+mod rpc_import_warnings;
 mod rpc_ingest;
 mod rpc_job_access;
 mod rpc_job_files;

@@ -45,7 +45,7 @@ fn message(content: import_map_request::Content) -> v1::ImportMapRequest {
 }
 
 /// The messages of an upload, in chunks of some size.
-fn upload(header: v1::ImportMapHeader, files: &[File]) -> Vec<v1::ImportMapRequest> {
+pub(crate) fn upload(header: v1::ImportMapHeader, files: &[File]) -> Vec<v1::ImportMapRequest> {
     const SIZE: usize = 4_000;
     let mut messages = vec![message(import_map_request::Content::Header(header))];
     for (path, bytes) in files {
@@ -64,8 +64,14 @@ fn upload(header: v1::ImportMapHeader, files: &[File]) -> Vec<v1::ImportMapReque
 }
 
 async fn send(server: &TestServer, messages: Vec<v1::ImportMapRequest>) -> Result<v1::Map, Status> {
-    let answer = server.maps().import_map(tokio_stream::iter(messages)).await?;
-    Ok(answer.into_inner().map.unwrap())
+    Ok(answer(server, messages).await?.map.unwrap())
+}
+
+pub(crate) async fn answer(
+    server: &TestServer,
+    messages: Vec<v1::ImportMapRequest>,
+) -> Result<v1::ImportMapResponse, Status> {
+    Ok(server.maps().import_map(tokio_stream::iter(messages)).await?.into_inner())
 }
 
 pub(crate) async fn import(
@@ -84,7 +90,7 @@ pub(crate) async fn get(server: &TestServer, map_id: &str) -> Result<(v1::Map, V
 }
 
 /// A map with two clients, constraints and a policy of its own.
-async fn build(server: &TestServer) {
+pub(crate) async fn build(server: &TestServer) {
     let policy = v1::MapPolicy {
         window_keyframe_count: Some(7),
         limits: Some(v1::MapLimits { max_keyframe_count: Some(50), ..Default::default() }),

@@ -141,8 +141,11 @@ pub(super) async fn import(client: &Client, args: ImportArgs, json: bool) -> any
     let answer = upload(files, format.trajectories(), async |chunks| {
         client.import_map(header, chunks).await
     });
-    let answer = answer.await?;
+    let (answer, warnings) = answer.await?;
     drop(working);
+    for warning in warnings {
+        tracing::warn!("{}", warning.description);
+    }
     let map = Document::from(answer);
     show(json, &map, || details(&map))
 }

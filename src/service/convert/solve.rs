@@ -256,12 +256,13 @@ pub(in crate::service) fn add_costs(
     before: &CostReport,
     after: &CostReport,
 ) {
-    let kinds: [(v1::FactorKind, FactorCost, FactorCost); 5] = [
+    let kinds: [(v1::FactorKind, FactorCost, FactorCost); 6] = [
         (v1::FactorKind::Reprojection, before.reprojection, after.reprojection),
         (v1::FactorKind::DepthReprojection, before.depth_reprojection, after.depth_reprojection),
         (v1::FactorKind::RelativePose, before.relative_pose, after.relative_pose),
         (v1::FactorKind::PosePrior, before.pose_prior, after.pose_prior),
         (v1::FactorKind::PositionPrior, before.position_prior, after.position_prior),
+        (v1::FactorKind::Landmark, before.landmark, after.landmark),
     ];
     summary.factor_costs = kinds
         .into_iter()
@@ -296,10 +297,9 @@ pub(in crate::service) fn to_residual_kind(quantity: Quantity) -> v1::ResidualKi
         Quantity::PriorTranslation => v1::ResidualKind::PriorTranslation,
         Quantity::PriorRotation => v1::ResidualKind::PriorRotation,
         Quantity::PriorPosition => v1::ResidualKind::PriorPosition,
-        // Only graphs of files have these: the server solves none.
-        Quantity::LandmarkPosition | Quantity::LandmarkBearing | Quantity::LandmarkRange => {
-            v1::ResidualKind::Unspecified
-        }
+        Quantity::LandmarkPosition => v1::ResidualKind::LandmarkPosition,
+        Quantity::LandmarkBearing => v1::ResidualKind::LandmarkBearing,
+        Quantity::LandmarkRange => v1::ResidualKind::LandmarkRange,
     }
 }
 

@@ -3,9 +3,10 @@
 //! A file of covis is read while it comes, and only the map that it holds is in memory; the files of
 //! other formats are kept until all are there, because they refer to each other. The account of the
 //! new map bounds both. A map exists once everything was read and checked, and not before: a call
-//! that ends early leaves nothing. `upload.rs` takes the files, `models.rs` makes items of other
-//! formats.
+//! that ends early leaves nothing. `upload.rs` takes the files, `models.rs` and
+//! `graph.rs` make items of other formats.
 
+mod graph;
 mod models;
 mod upload;
 
@@ -54,6 +55,7 @@ pub(super) async fn import(
     let header = header(upload.header().await?, caller, &limits)?;
     let Header { name, imported, format, client } = header;
     let room = context.maps.begin_import(&name).await?;
+    let mut warnings = Vec::new();
     let (content, room, imported) = match format {
         Format::Covis => {
             let (content, kept, room) = own(&mut upload, room, &limits).await?;
@@ -72,12 +74,13 @@ pub(super) async fn import(
                 None => convert(|out| policy(None, &limits, out))?,
             };
             let built = move || models::build(format, &files, &client, policy, room);
-            let (content, room) = Context::blocking(built).await?;
-            (content, room, imported)
+            let built = Context::blocking(built).await?;
+            warnings = built.warnings;
+            (built.map, built.room, imported)
         }
     };
     let info = context.maps.import(room, &name, content, imported).await?;
-    Ok(v1::ImportMapResponse { map: Some(context.map_message(info).await?) })
+    Ok(v1::ImportMapResponse { map: Some(context.map_message(info).await?), warnings })
 }
 
 fn header(

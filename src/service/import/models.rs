@@ -1,37 +1,44 @@
-//! Maps from the files of COLMAP, g2o and TUM.
+//! Maps from the files of COLMAP and TUM; g2o files have `graph.rs`.
 //!
 //! `covis_solvers::io` reads the files. What they hold becomes items of one client (of one client a
 //! file for TUM), which the map checks and folds as it does those of a stream; no solve runs. So an
 //! error names the file and the line or byte, or the record and what is wrong with it.
 
-use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::path::Path;
 
 use covis_solvers::geometry::Se3;
 use covis_solvers::io::IoError;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapImage, ColmapModel};
-use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::io::natural_cmp;
 use covis_solvers::io::reading::{Content, FileCounts};
 use covis_solvers::io::trajectory::{Trajectory, nanoseconds_of_seconds};
 
-use super::File;
+use super::{File, graph};
 use crate::map::{
-    Change, ClientIndex, ConstraintKind, EntityRef, Event, Item, ItemLandmark, ItemObservation,
-    Map, MapError, MapPolicy, Reason, Usage,
+    Change, ClientIndex, EntityRef, Event, Item, ItemLandmark, ItemObservation, Map, MapError,
+    MapPolicy, Reason, Usage,
 };
 use crate::service::engine::ImportRoom;
 use crate::service::error::ServiceError;
 use crate::service::export::Format;
 use crate::service::names::is_name;
+use crate::wire::v1;
 
 /// Standard deviation of a pixel coordinate where a format has none, px.
 const SIGMA_PX: f64 = 1.0;
 /// Time between images that have none, ns.
-const IMAGE_STEP_NS: i64 = 1_000_000_000;
+pub(super) const IMAGE_STEP_NS: i64 = 1_000_000_000;
 /// Landmarks in one item.
-const LANDMARKS: usize = 4096;
+pub(super) const LANDMARKS: usize = 4096;
+
+/// What is made of files.
+pub(super) struct Built {
+    pub(super) map: Map,
+    pub(super) room: ImportRoom,
+    /// What the map does not hold as the files have it.
+    pub(super) warnings: Vec<v1::ImportWarning>,
+}
 
 /// The map that the files hold, of client `client` where the format has no clients. Blocks.
 pub(super) fn build(
@@ -40,21 +47,22 @@ pub(super) fn build(
     client: &str,
     policy: MapPolicy,
     room: ImportRoom,
-) -> Result<(Map, ImportRoom), ServiceError> {
+) -> Result<Built, ServiceError> {
+    let mut warnings = Vec::new();
     let mut building = Building::new(policy, room)?;
     building.kept = files.iter().map(|file| file.bytes.len() as u64).sum();
     match format {
         Format::Colmap(encoding) => colmap(&mut building, encoding, files, client)?,
-        Format::G2o => g2o(&mut building, files, client)?,
+        Format::G2o => warnings = graph::import(&mut building, files, client)?,
         Format::Tum => tum(&mut building, files, client)?,
         // The first is read while it comes, the second is refused before.
         Format::Covis | Format::Ply => return Err(refused("this format is not made of items")),
     }
-    Ok((building.map, building.room))
+    Ok(Built { map: building.map, room: building.room, warnings })
 }
 
 /// A map that grows by items.
-struct Building {
+pub(super) struct Building {
     map: Map,
     room: ImportRoom,
     /// Bytes of the files, which stay in memory beside the map.
@@ -70,7 +78,7 @@ impl Building {
     }
 
     /// Reserves what files take once they are parsed: up to 32 times their bytes.
-    fn price(&mut self, content: Content, files: &[&[u8]]) -> Result<(), ServiceError> {
+    pub(super) fn price(&mut self, content: Content, files: &[&[u8]]) -> Result<(), ServiceError> {
         let mut counts = FileCounts::default();
         for file in files {
             counts.add(file);
@@ -79,14 +87,14 @@ impl Building {
         Ok(self.room.set_aside(counts.price(content).problem)?)
     }
 
-    fn client(&mut self, name: &str) -> Result<ClientIndex, ServiceError> {
+    pub(super) fn client(&mut self, name: &str) -> Result<ClientIndex, ServiceError> {
         self.apply(name, Change::ClientOpened { name: name.to_owned(), epoch: 1 })?;
         let opened = self.map.client_named(name);
         opened.ok_or_else(|| refused("a client that was opened is not in the map"))
     }
 
     /// Adds an item, which errors call `what`.
-    fn add(
+    pub(super) fn add(
         &mut self,
         client: ClientIndex,
         what: impl Display,
@@ -112,11 +120,11 @@ impl Building {
 }
 
 /// The error for files that are no map.
-fn refused(text: impl Into<String>) -> ServiceError {
+pub(super) fn refused(text: impl Into<String>) -> ServiceError {
     ServiceError::field("chunk.data", Reason::Inconsistent, text)
 }
 
-fn unreadable(error: &IoError) -> ServiceError {
+pub(super) fn unreadable(error: &IoError) -> ServiceError {
     refused(error.to_string())
 }
 
@@ -206,7 +214,7 @@ fn colmap(
 }
 
 /// A keyframe of which only the pose is known.
-fn keyframe(id: i64, capture_time_ns: i64, world_from_camera: Se3) -> Item {
+pub(super) fn keyframe(id: i64, capture_time_ns: i64, world_from_camera: Se3) -> Item {
     Item::Keyframe {
         id,
         capture_time_ns,
@@ -217,49 +225,6 @@ fn keyframe(id: i64, capture_time_ns: i64, world_from_camera: Se3) -> Item {
         landmarks: Vec::new(),
         global_descriptor: None,
     }
-}
-
-/// Vertices become keyframes, a second apart by their ids; edges between consecutive ids become
-/// odometry, the others loop closures.
-fn g2o(building: &mut Building, files: &[File], client: &str) -> Result<(), ServiceError> {
-    let [file] = files else { return Err(refused("a pose graph is one file")) };
-    let path = &file.path;
-    building.price(Content::Graph, &[&file.bytes])?;
-    let graph = G2oGraph::parse(&file.bytes, Path::new(path));
-    let graph = match graph.map_err(|error| unreadable(&error))? {
-        G2oGraph::Se3(graph) if graph.has_vertices() => graph,
-        G2oGraph::Se3(_) => return Err(refused(format!("{path}: the graph has edges only"))),
-        G2oGraph::Se2(_) => {
-            return Err(refused(format!("{path}: a map cannot hold a graph in the plane")));
-        }
-    };
-    let graph = graph.to_pose_graph().map_err(|error| unreadable(&error))?;
-    let client = building.client(client)?;
-    let poses: BTreeMap<i64, Se3> =
-        graph.ids.iter().copied().zip(graph.poses.iter().copied()).collect();
-    for (index, (&id, &pose)) in (0..).zip(&poses) {
-        let item = keyframe(id, IMAGE_STEP_NS.saturating_mul(index), pose);
-        building.add(client, format_args!("{path}, vertex {id}"), &item)?;
-    }
-    for (id, edge) in (0..).zip(&graph.edges) {
-        let ids = [edge.i, edge.j].map(|pose| graph.ids.get(pose).copied().unwrap_or(-1));
-        let [i, j] = ids;
-        let kind = match i.abs_diff(j) {
-            1 => ConstraintKind::Odometry,
-            _ => ConstraintKind::LoopClosure,
-        };
-        let item = Item::RelativePose {
-            id,
-            kind,
-            keyframe_i: EntityRef::own(i),
-            keyframe_j: EntityRef::own(j),
-            keyframe_i_from_keyframe_j: edge.i_from_j,
-            information: edge.information,
-            loss: None,
-        };
-        building.add(client, format_args!("{path}, edge {id} from {i} to {j}"), &item)?;
-    }
-    Ok(())
 }
 
 /// Each file is a client, called by the file's name where that is a name of a client.

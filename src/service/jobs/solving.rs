@@ -431,9 +431,7 @@ fn optimize_graph<G: GraphPose<D, N>, const D: usize, const N: usize>(
     tell: &mut (dyn FnMut(&SolveStep) + Send),
 ) -> Result<(v1::SolveSummary, Value, Vec<v1::IterationSummary>), ServiceError> {
     let marked = graph.constant.contains(&true);
-    if !marked {
-        graph.fix_lowest_id();
-    }
+    graph.hold_gauge();
     let mut options =
         graph_optimization::Options { start: Start::Auto, costs: true, ..Default::default() };
     options.optimizer.max_iterations = MOST_ITERATIONS;
@@ -450,6 +448,7 @@ fn optimize_graph<G: GraphPose<D, N>, const D: usize, const N: usize>(
         "format": "g2o",
         "vertices": graph.poses.len(),
         "edges": graph.edges.len(),
+        "landmarks": graph.landmarks.len(),
     });
     Ok((summary, document, to_iterations(&solved.solve, true)))
 }

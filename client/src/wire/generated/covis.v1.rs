@@ -1173,6 +1173,8 @@ pub enum FactorKind {
     PositionPrior = 5,
     /// A linear prior. Not used yet: marginalization gives relative poses and pose priors.
     LinearPrior = 6,
+    /// A landmark that a pose measures by position, bearing or range; in files of graphs only.
+    Landmark = 7,
 }
 impl FactorKind {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1188,6 +1190,7 @@ impl FactorKind {
             Self::PosePrior => "FACTOR_KIND_POSE_PRIOR",
             Self::PositionPrior => "FACTOR_KIND_POSITION_PRIOR",
             Self::LinearPrior => "FACTOR_KIND_LINEAR_PRIOR",
+            Self::Landmark => "FACTOR_KIND_LANDMARK",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1200,6 +1203,7 @@ impl FactorKind {
             "FACTOR_KIND_POSE_PRIOR" => Some(Self::PosePrior),
             "FACTOR_KIND_POSITION_PRIOR" => Some(Self::PositionPrior),
             "FACTOR_KIND_LINEAR_PRIOR" => Some(Self::LinearPrior),
+            "FACTOR_KIND_LANDMARK" => Some(Self::Landmark),
             _ => None,
         }
     }
@@ -1224,6 +1228,12 @@ pub enum ResidualKind {
     PriorRotation = 6,
     /// Position priors, m, in the world's axes.
     PriorPosition = 7,
+    /// Positions of landmarks in the frames of poses, m; in files of graphs only, as the next two.
+    LandmarkPosition = 8,
+    /// Bearings of landmarks, rad.
+    LandmarkBearing = 9,
+    /// Ranges of landmarks, m.
+    LandmarkRange = 10,
 }
 impl ResidualKind {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1240,6 +1250,9 @@ impl ResidualKind {
             Self::PriorTranslation => "RESIDUAL_KIND_PRIOR_TRANSLATION",
             Self::PriorRotation => "RESIDUAL_KIND_PRIOR_ROTATION",
             Self::PriorPosition => "RESIDUAL_KIND_PRIOR_POSITION",
+            Self::LandmarkPosition => "RESIDUAL_KIND_LANDMARK_POSITION",
+            Self::LandmarkBearing => "RESIDUAL_KIND_LANDMARK_BEARING",
+            Self::LandmarkRange => "RESIDUAL_KIND_LANDMARK_RANGE",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1253,6 +1266,9 @@ impl ResidualKind {
             "RESIDUAL_KIND_PRIOR_TRANSLATION" => Some(Self::PriorTranslation),
             "RESIDUAL_KIND_PRIOR_ROTATION" => Some(Self::PriorRotation),
             "RESIDUAL_KIND_PRIOR_POSITION" => Some(Self::PriorPosition),
+            "RESIDUAL_KIND_LANDMARK_POSITION" => Some(Self::LandmarkPosition),
+            "RESIDUAL_KIND_LANDMARK_BEARING" => Some(Self::LandmarkBearing),
+            "RESIDUAL_KIND_LANDMARK_RANGE" => Some(Self::LandmarkRange),
             _ => None,
         }
     }
@@ -4037,6 +4053,9 @@ pub struct ImportMapResponse {
     /// The new map.
     #[prost(message, optional, tag = "1")]
     pub map: ::core::option::Option<Map>,
+    /// What the map does not hold as the files have it; empty if it is what the files are.
+    #[prost(message, repeated, tag = "2")]
+    pub warnings: ::prost::alloc::vec::Vec<ImportWarning>,
 }
 impl ::prost::Name for ImportMapResponse {
     const NAME: &'static str = "ImportMapResponse";
@@ -4046,6 +4065,35 @@ impl ::prost::Name for ImportMapResponse {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.ImportMapResponse".into()
+    }
+}
+/// Records of a file that an import changed or left out.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ImportWarning {
+    /// What happened to them.
+    #[prost(enumeration = "ImportChange", tag = "1")]
+    pub change: i32,
+    /// The file, by its path in the upload.
+    #[prost(string, tag = "2")]
+    pub path: ::prost::alloc::string::String,
+    /// How many records there are, at least 1.
+    #[prost(int64, tag = "3")]
+    pub count: i64,
+    /// Line of the first of them, from 1; 0 if lines do not say it.
+    #[prost(int64, tag = "4")]
+    pub first_line: i64,
+    /// A sentence for people.
+    #[prost(string, tag = "5")]
+    pub description: ::prost::alloc::string::String,
+}
+impl ::prost::Name for ImportWarning {
+    const NAME: &'static str = "ImportWarning";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ImportWarning".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ImportWarning".into()
     }
 }
 /// See GetTrajectory.
@@ -4490,6 +4538,56 @@ impl MapFormat {
             "MAP_FORMAT_G2O" => Some(Self::G2o),
             "MAP_FORMAT_PLY" => Some(Self::Ply),
             "MAP_FORMAT_COVIS" => Some(Self::Covis),
+            _ => None,
+        }
+    }
+}
+/// What an import did to records of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum ImportChange {
+    /// Never sent by the server.
+    Unspecified = 0,
+    /// Quaternions whose norm differs from 1 by more than 1e-3 were normalized.
+    QuaternionsNormalized = 1,
+    /// Edges from a vertex to itself were left out.
+    SelfEdgesLeftOut = 2,
+    /// Fixed vertices other than the first may move: a map holds its first keyframe (see Gauge).
+    FixedVerticesFreed = 3,
+    /// Measurements of landmarks by position were left out: a map has pixels. The landmarks keep their
+    /// positions.
+    LandmarkMeasurementsLeftOut = 4,
+    /// Priors on landmarks were left out: priors of a map are on keyframes.
+    LandmarkPriorsLeftOut = 5,
+}
+impl ImportChange {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "IMPORT_CHANGE_UNSPECIFIED",
+            Self::QuaternionsNormalized => "IMPORT_CHANGE_QUATERNIONS_NORMALIZED",
+            Self::SelfEdgesLeftOut => "IMPORT_CHANGE_SELF_EDGES_LEFT_OUT",
+            Self::FixedVerticesFreed => "IMPORT_CHANGE_FIXED_VERTICES_FREED",
+            Self::LandmarkMeasurementsLeftOut => {
+                "IMPORT_CHANGE_LANDMARK_MEASUREMENTS_LEFT_OUT"
+            }
+            Self::LandmarkPriorsLeftOut => "IMPORT_CHANGE_LANDMARK_PRIORS_LEFT_OUT",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "IMPORT_CHANGE_UNSPECIFIED" => Some(Self::Unspecified),
+            "IMPORT_CHANGE_QUATERNIONS_NORMALIZED" => Some(Self::QuaternionsNormalized),
+            "IMPORT_CHANGE_SELF_EDGES_LEFT_OUT" => Some(Self::SelfEdgesLeftOut),
+            "IMPORT_CHANGE_FIXED_VERTICES_FREED" => Some(Self::FixedVerticesFreed),
+            "IMPORT_CHANGE_LANDMARK_MEASUREMENTS_LEFT_OUT" => {
+                Some(Self::LandmarkMeasurementsLeftOut)
+            }
+            "IMPORT_CHANGE_LANDMARK_PRIORS_LEFT_OUT" => Some(Self::LandmarkPriorsLeftOut),
             _ => None,
         }
     }

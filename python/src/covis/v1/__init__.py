@@ -135,6 +135,8 @@ from .map_service_pb2 import ExportMapHeader as ExportMapHeader
 from .map_service_pb2 import ImportMapRequest as ImportMapRequest
 from .map_service_pb2 import ImportMapHeader as ImportMapHeader
 from .map_service_pb2 import ImportMapResponse as ImportMapResponse
+from .map_service_pb2 import ImportWarning as ImportWarning
+from .map_service_pb2 import ImportChange as ImportChange
 from .map_service_pb2 import GetTrajectoryRequest as GetTrajectoryRequest
 from .map_service_pb2 import GetTrajectoryResponse as GetTrajectoryResponse
 from .map_service_pb2 import KeyframePose as KeyframePose

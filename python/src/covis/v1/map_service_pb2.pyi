@@ -24,6 +24,15 @@ class MapFormat(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     MAP_FORMAT_G2O: _ClassVar[MapFormat]
     MAP_FORMAT_PLY: _ClassVar[MapFormat]
     MAP_FORMAT_COVIS: _ClassVar[MapFormat]
+
+class ImportChange(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    IMPORT_CHANGE_UNSPECIFIED: _ClassVar[ImportChange]
+    IMPORT_CHANGE_QUATERNIONS_NORMALIZED: _ClassVar[ImportChange]
+    IMPORT_CHANGE_SELF_EDGES_LEFT_OUT: _ClassVar[ImportChange]
+    IMPORT_CHANGE_FIXED_VERTICES_FREED: _ClassVar[ImportChange]
+    IMPORT_CHANGE_LANDMARK_MEASUREMENTS_LEFT_OUT: _ClassVar[ImportChange]
+    IMPORT_CHANGE_LANDMARK_PRIORS_LEFT_OUT: _ClassVar[ImportChange]
 MAP_FORMAT_UNSPECIFIED: MapFormat
 MAP_FORMAT_COLMAP_TEXT: MapFormat
 MAP_FORMAT_COLMAP_BINARY: MapFormat
@@ -31,6 +40,12 @@ MAP_FORMAT_TUM: MapFormat
 MAP_FORMAT_G2O: MapFormat
 MAP_FORMAT_PLY: MapFormat
 MAP_FORMAT_COVIS: MapFormat
+IMPORT_CHANGE_UNSPECIFIED: ImportChange
+IMPORT_CHANGE_QUATERNIONS_NORMALIZED: ImportChange
+IMPORT_CHANGE_SELF_EDGES_LEFT_OUT: ImportChange
+IMPORT_CHANGE_FIXED_VERTICES_FREED: ImportChange
+IMPORT_CHANGE_LANDMARK_MEASUREMENTS_LEFT_OUT: ImportChange
+IMPORT_CHANGE_LANDMARK_PRIORS_LEFT_OUT: ImportChange
 
 class CreateMapRequest(_message.Message):
     __slots__ = ("map_id", "display_name", "policy")
@@ -255,10 +270,26 @@ class ImportMapHeader(_message.Message):
     def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[_map_pb2.MapPolicy, _Mapping]] = ..., format: _Optional[_Union[MapFormat, str]] = ..., client_id: _Optional[str] = ...) -> None: ...
 
 class ImportMapResponse(_message.Message):
-    __slots__ = ("map",)
+    __slots__ = ("map", "warnings")
     MAP_FIELD_NUMBER: _ClassVar[int]
+    WARNINGS_FIELD_NUMBER: _ClassVar[int]
     map: _map_pb2.Map
-    def __init__(self, map: _Optional[_Union[_map_pb2.Map, _Mapping]] = ...) -> None: ...
+    warnings: _containers.RepeatedCompositeFieldContainer[ImportWarning]
+    def __init__(self, map: _Optional[_Union[_map_pb2.Map, _Mapping]] = ..., warnings: _Optional[_Iterable[_Union[ImportWarning, _Mapping]]] = ...) -> None: ...
+
+class ImportWarning(_message.Message):
+    __slots__ = ("change", "path", "count", "first_line", "description")
+    CHANGE_FIELD_NUMBER: _ClassVar[int]
+    PATH_FIELD_NUMBER: _ClassVar[int]
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    FIRST_LINE_FIELD_NUMBER: _ClassVar[int]
+    DESCRIPTION_FIELD_NUMBER: _ClassVar[int]
+    change: ImportChange
+    path: str
+    count: int
+    first_line: int
+    description: str
+    def __init__(self, change: _Optional[_Union[ImportChange, str]] = ..., path: _Optional[str] = ..., count: _Optional[int] = ..., first_line: _Optional[int] = ..., description: _Optional[str] = ...) -> None: ...
 
 class GetTrajectoryRequest(_message.Message):
     __slots__ = ("map_id", "client_id")

@@ -68,6 +68,7 @@ class FactorKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FACTOR_KIND_POSE_PRIOR: _ClassVar[FactorKind]
     FACTOR_KIND_POSITION_PRIOR: _ClassVar[FactorKind]
     FACTOR_KIND_LINEAR_PRIOR: _ClassVar[FactorKind]
+    FACTOR_KIND_LANDMARK: _ClassVar[FactorKind]
 
 class ResidualKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -79,6 +80,9 @@ class ResidualKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     RESIDUAL_KIND_PRIOR_TRANSLATION: _ClassVar[ResidualKind]
     RESIDUAL_KIND_PRIOR_ROTATION: _ClassVar[ResidualKind]
     RESIDUAL_KIND_PRIOR_POSITION: _ClassVar[ResidualKind]
+    RESIDUAL_KIND_LANDMARK_POSITION: _ClassVar[ResidualKind]
+    RESIDUAL_KIND_LANDMARK_BEARING: _ClassVar[ResidualKind]
+    RESIDUAL_KIND_LANDMARK_RANGE: _ClassVar[ResidualKind]
 
 class SigmaJudgment(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -136,6 +140,7 @@ FACTOR_KIND_RELATIVE_POSE: FactorKind
 FACTOR_KIND_POSE_PRIOR: FactorKind
 FACTOR_KIND_POSITION_PRIOR: FactorKind
 FACTOR_KIND_LINEAR_PRIOR: FactorKind
+FACTOR_KIND_LANDMARK: FactorKind
 RESIDUAL_KIND_UNSPECIFIED: ResidualKind
 RESIDUAL_KIND_PIXEL: ResidualKind
 RESIDUAL_KIND_DEPTH: ResidualKind
@@ -144,6 +149,9 @@ RESIDUAL_KIND_RELATIVE_ROTATION: ResidualKind
 RESIDUAL_KIND_PRIOR_TRANSLATION: ResidualKind
 RESIDUAL_KIND_PRIOR_ROTATION: ResidualKind
 RESIDUAL_KIND_PRIOR_POSITION: ResidualKind
+RESIDUAL_KIND_LANDMARK_POSITION: ResidualKind
+RESIDUAL_KIND_LANDMARK_BEARING: ResidualKind
+RESIDUAL_KIND_LANDMARK_RANGE: ResidualKind
 SIGMA_JUDGMENT_UNSPECIFIED: SigmaJudgment
 SIGMA_JUDGMENT_PLAUSIBLE: SigmaJudgment
 SIGMA_JUDGMENT_TOO_SMALL: SigmaJudgment
