@@ -12,7 +12,7 @@ use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::{Content, Format};
-use covis_solvers::io::g2o::{G2oGraph, G2oReading};
+use covis_solvers::io::g2o::{G2oGraph, G2oPoint, G2oReading};
 use covis_solvers::io::ply::{PlyEncoding, PlyFile, PlyVertex};
 use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat, read_times};
@@ -24,6 +24,9 @@ use super::formats::{self, joined};
 use super::output::show;
 use super::overwrite::Overwrite;
 use super::progress::Working;
+
+/// Color of landmarks that have none.
+const LANDMARK_COLOR: [u8; 3] = [128, 128, 128];
 
 /// Color of paths for viewers.
 const PATH_COLOR: [u8; 3] = [220, 80, 40];
@@ -219,7 +222,14 @@ impl Input {
                 let problem = &model.problem;
                 (problem.poses.len(), problem.landmarks.len(), problem.observation_count())
             }
-            Self::PoseGraph(graph) => (graph_trajectory(graph).map_or(0, |t| t.len()), 0, 0),
+            Self::PoseGraph(graph) => {
+                let poses = graph_trajectory(graph).map_or(0, |trajectory| trajectory.len());
+                let measured = match graph {
+                    G2oGraph::Se2(file) => file.sightings.len(),
+                    G2oGraph::Se3(file) => file.sightings.len(),
+                };
+                (poses, points(graph).len(), measured)
+            }
         }
     }
 
@@ -269,10 +279,23 @@ fn picture(input: &Input) -> anyhow::Result<PlyFile> {
         let points = model.problem.landmarks.iter().zip(&model.colors);
         file.vertices.extend(points.map(|(&position, &color)| PlyVertex { position, color }));
     }
+    if let Input::PoseGraph(graph) = input {
+        let vertex =
+            |point: &G2oPoint| PlyVertex { position: point.position.into(), color: LANDMARK_COLOR };
+        file.vertices.extend(points(graph).iter().map(vertex));
+    }
     let trajectory = input.trajectory()?;
     let centers: Vec<_> = trajectory.world_from_body.iter().map(|pose| pose.translation).collect();
     file.push_polyline(&centers, PATH_COLOR);
     Ok(file)
+}
+
+/// The landmarks of a graph.
+fn points(graph: &G2oGraph) -> &[G2oPoint] {
+    match graph {
+        G2oGraph::Se2(file) => &file.points,
+        G2oGraph::Se3(file) => &file.points,
+    }
 }
 
 /// Poses of a graph by rising id, those of a plane at z = 0. Times are the ids, or the numbers of the

@@ -105,6 +105,18 @@ fn a_pose_graph_becomes_a_trajectory_by_its_ids() {
 }
 
 #[test]
+fn landmarks_of_a_graph_are_points_for_viewers() {
+    let workspace = Workspace::new();
+    let (input, out) = (golden("twins").join("park-80.g2o"), workspace.path("park.ply"));
+    let document = workspace.json("convert {} {} --json", &[&input, &out]);
+    let counts = ["poses", "landmarks", "observations"].map(|field| document[field].as_u64());
+    assert_eq!(counts, [Some(80), Some(24), Some(342)]);
+    let head = fs_err::read(&out).unwrap();
+    let head = String::from_utf8_lossy(&head[..200]).into_owned();
+    assert!(head.contains("element vertex 104\n"), "{head}");
+}
+
+#[test]
 fn ids_that_are_no_exact_times_do_not_become_times() {
     let workspace = Workspace::new();
     // As GTSAM's keys x0 to x3.
