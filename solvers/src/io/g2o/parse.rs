@@ -57,7 +57,7 @@ pub(super) fn parse(
             }
             let is_full = skipped.len() >= MAX_SKIPPED;
             let tag = if is_full { "others".to_owned() } else { excerpt(word) };
-            note(&mut skipped.entry(tag).or_insert_with(|| ChangedLines::before(&line)));
+            note(skipped.entry(tag).or_insert_with(|| ChangedLines::before(&line)));
             continue;
         };
         match (record, space) {
