@@ -59,23 +59,32 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Option<Se3>, IoError> {
 /// The rigid motion of the rows [R | t]; R is made orthonormal where it is off by rounding.
 ///
 /// # Errors
-/// [`IoError::NotRigid`].
-pub(super) fn rigid(
-    rows: [[f64; 4]; 3],
-    location: impl FnOnce() -> Location,
-) -> Result<Se3, IoError> {
+/// How far an element of RᵀR is from that of a rotation, where R is none.
+pub fn from_rows(rows: [[f64; 4]; 3]) -> Result<Se3, f64> {
     let rotation = Matrix3::from_fn(|i, j| rows[i][j]);
     let deviation = (rotation.tr_mul(&rotation) - Matrix3::identity()).amax();
     // An overflow is no rigid motion either.
     if !(deviation <= TOLERANCE && rotation.determinant() > 0.0) {
-        return Err(IoError::NotRigid { location: location(), deviation });
+        return Err(deviation);
     }
     let translation = Vector3::from_fn(|i, _| rows[i][3]);
     Ok(Se3::new(So3::from_matrix(&rotation), translation))
 }
 
+/// As [`from_rows`], for a file.
+///
+/// # Errors
+/// [`IoError::NotRigid`].
+pub(super) fn rigid(
+    rows: [[f64; 4]; 3],
+    location: impl FnOnce() -> Location,
+) -> Result<Se3, IoError> {
+    from_rows(rows).map_err(|deviation| IoError::NotRigid { location: location(), deviation })
+}
+
 /// The rows [R | t] of a rigid motion.
-pub(super) fn rows(pose: &Se3) -> [[f64; 4]; 3] {
+#[must_use]
+pub fn rows(pose: &Se3) -> [[f64; 4]; 3] {
     let (rotation, t) = (pose.rotation.matrix(), pose.translation);
     [0, 1, 2].map(|i| [rotation[(i, 0)], rotation[(i, 1)], rotation[(i, 2)], t[i]])
 }
