@@ -21,6 +21,12 @@ pub enum RecordingError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// Whoever opened the recording ended the pass over it.
+    #[error("{}: the pass over the recording was ended", path.display())]
+    Ended {
+        /// The recording.
+        path: PathBuf,
+    },
     /// The first bytes are of no format that is read.
     #[error("{}: neither an MCAP file nor a SQLite database", path.display())]
     Format {

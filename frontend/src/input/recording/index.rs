@@ -1,9 +1,11 @@
 //! What a recording holds, without its data: topics with their types and counts, and of images the times and
 //! places in the files.
 //!
-//! The storages fill it in one pass; what is kept of a message does not grow with it.
+//! The storages fill it in one pass, which the caller watches and may end; what is kept of a message does
+//! not grow with it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 
 use super::error::{Note, RecordingError};
 use super::messages::{self, Encoding, Kind, Sample};
@@ -82,9 +84,28 @@ impl Topic {
     }
 }
 
+/// What is asked as the pass goes on: with the bytes so far, whether it goes on.
+struct Watch(Box<dyn FnMut(u64) -> bool + Send>);
+
+impl Default for Watch {
+    fn default() -> Self {
+        Self(Box::new(|_| true))
+    }
+}
+
+impl fmt::Debug for Watch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Watch")
+    }
+}
+
 /// The topics of a recording.
 #[derive(Debug, Default)]
 pub(super) struct Index {
+    watch: Watch,
+    /// Bytes that the pass has behind it.
+    passed: u64,
+    is_ended: bool,
     topics: Vec<Topic>,
     /// Of a name, a type and an encoding.
     numbers: BTreeMap<[String; 3], usize>,
@@ -95,6 +116,23 @@ pub(super) struct Index {
 }
 
 impl Index {
+    /// An index whose pass `watch` sees, and ends where it answers false.
+    pub(super) fn watched(watch: impl FnMut(u64) -> bool + Send + 'static) -> Self {
+        Self { watch: Watch(Box::new(watch)), ..Self::default() }
+    }
+
+    /// So many more bytes are behind the pass. Whether it goes on.
+    pub(super) fn pass(&mut self, bytes: u64) -> bool {
+        self.passed = self.passed.saturating_add(bytes);
+        self.is_ended |= !(self.watch.0)(self.passed);
+        !self.is_ended
+    }
+
+    /// Whether the pass was ended before the end of the recording.
+    pub(super) fn is_ended(&self) -> bool {
+        self.is_ended
+    }
+
     /// The number of a topic, which is added where there is none with this name and type.
     pub(super) fn topic(&mut self, name: &str, type_name: &str, encoding: &str) -> usize {
         let key = [name, type_name, encoding].map(str::to_owned);

@@ -36,7 +36,7 @@ mod source;
 mod storage;
 mod topics;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use covis_solvers::geometry::PinholeRadialTangential;
 
@@ -83,14 +83,16 @@ pub fn is_bag(folder: &Path) -> bool {
     bag::is_bag(folder)
 }
 
-/// Opens a recording: an MCAP file, a SQLite file of a bag, or a rosbag2 folder. Goes through all of it once.
+/// Opens a recording: an MCAP file, a SQLite file of a bag, or a rosbag2 folder. Goes through all of it once:
+/// `watch` hears, for each part, how many bytes are done and how many there are, and ends the pass by false.
 ///
 /// # Errors
 /// [`InputError`] where files cannot be read, topics are missing or ambiguous, the camera or the depth scale
-/// cannot be used, or no images belong together.
+/// cannot be used, no images belong together, or `watch` ended the pass.
 pub fn open_recording(
     path: &Path,
     options: RecordingOptions<'_>,
+    mut watch: impl FnMut(u64, u64) -> bool + Send + 'static,
 ) -> Result<OpenRecording, InputError> {
     if let Some(value) =
         options.depth_units_per_m.filter(|units| !(units.is_finite() && *units > 0.0))
@@ -98,10 +100,16 @@ pub fn open_recording(
         return Err(InputError::DepthScale { value });
     }
     let (paths, note) = bag::files(path)?;
-    let mut index = Index::default();
+    // A file that is missing is reported when it is opened.
+    let length = |file: &PathBuf| std::fs::metadata(file).map_or(0, |metadata| metadata.len());
+    let all = paths.iter().map(length).sum();
+    let mut index = Index::watched(move |passed| watch(passed.min(all), all));
     note.into_iter().for_each(|note| index.note(note));
     for (number, file) in paths.iter().enumerate() {
         Storage::open(file)?.scan(number, &mut index)?;
+        if index.is_ended() {
+            return Err(RecordingError::Ended { path: path.to_owned() }.into());
+        }
     }
     let (topics, mut notes) = index.finish();
     let (color, depth) = topics::images(path, &topics, options.topics)?;

@@ -62,7 +62,7 @@ fn info_topic() -> Told<'static> {
 }
 
 fn open(file: &tempfile::NamedTempFile) -> Result<OpenRecording, InputError> {
-    open_recording(file.path(), RecordingOptions::default())
+    open_recording(file.path(), RecordingOptions::default(), |_, _| true)
 }
 
 fn told(open: &OpenRecording) -> Vec<String> {
@@ -87,7 +87,7 @@ fn images_are_paired_by_the_times_of_their_headers() {
     assert_eq!(found.used.iter().map(|(_, topic)| topic.count).collect::<Vec<_>>(), [3, 3, 1]);
     assert_eq!(found.unused[0].to_string(), "/imu: sensor_msgs/msg/Imu, 2 messages");
     let options = RecordingOptions { camera: Some("9,9,1,2"), ..RecordingOptions::default() };
-    let given = open_recording(file.path(), options).unwrap();
+    let given = open_recording(file.path(), options, |_, _| true).unwrap();
     assert_eq!((given.source.camera().fx, given.used.len()), (9.0, 2));
 }
 
@@ -165,4 +165,25 @@ fn what_a_recording_lacks_is_named() {
     let found = error(&[color_topic(), late, info_topic()]);
     assert!(found.contains("no image of /cam/color/image_raw has one of"), "{found}");
     assert!(error(&[]).contains("there are no topics"));
+}
+
+#[test]
+fn whoever_opens_a_recording_sees_how_far_the_pass_is_and_may_end_it() {
+    let file = recording(&[color_topic(), depth_topic("color", (2, 1)), info_topic()]);
+    let (sender, heard) = std::sync::mpsc::channel();
+    let watch = move |done, all| sender.send((done, all)).is_ok();
+    open_recording(file.path(), RecordingOptions::default(), watch).unwrap();
+    let heard: Vec<(u64, u64)> = heard.iter().collect();
+    let length = fs_err::metadata(file.path()).unwrap().len();
+    assert!(heard.len() > 1 && heard.iter().all(|&(done, all)| done <= all && all == length));
+    assert!(heard.is_sorted() && heard[heard.len() - 1].0 > length / 3, "{heard:?}");
+
+    let mut parts = 0;
+    let watch = move |_, _| {
+        parts += 1;
+        assert!(parts <= 2, "it was ended");
+        parts < 2
+    };
+    let ended = open_recording(file.path(), RecordingOptions::default(), watch).err().unwrap();
+    assert!(matches!(ended, InputError::Recording(RecordingError::Ended { .. })), "{ended}");
 }

@@ -93,6 +93,10 @@ impl Database {
             let (topic, time_ns): (i64, i64) = (row.get(1)?, row.get(2)?);
             let length: i64 = row.get::<_, Option<i64>>(3)?.unwrap_or_default();
             *last = Some(id);
+            let length = u64::try_from(length).unwrap_or_default();
+            if !index.pass(length) {
+                return Ok(());
+            }
             let Some(&topic) = topics.get(&topic) else { continue };
             // Data that cannot be read are reported with the frame that they belong to.
             let read = if index.wants_heads(topic) {
@@ -101,7 +105,6 @@ impl Database {
             } else {
                 0
             };
-            let length = u64::try_from(length).unwrap_or_default();
             let place = Place { file, at: At::Row(id), length };
             index.message(topic, time_ns as f64 * 1e-9, &head[..read], place);
         }

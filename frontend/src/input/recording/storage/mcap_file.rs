@@ -153,6 +153,10 @@ impl McapFile {
             if let Err(fault) = taken {
                 pass.index.damage(self.damaged(at, fault));
             }
+            // The records of a chunk count with the chunk.
+            if !is_chunk && !pass.index.pass(next - at) {
+                return Ok(None);
+            }
             at = next;
         }
         Ok((!is_chunk || at < end).then_some(at))
