@@ -1,8 +1,9 @@
 //! A frame of a camera that sees color and depth. Its images come from `covis-dense`.
 //!
-//! Knows nothing of lenses and poses.
+//! Knows nothing of lenses, and of poses only what a source gives.
 
 pub use covis_dense::image::Image;
+use covis_solvers::geometry::Se3;
 
 use super::simd::{self, Kernel};
 
@@ -18,6 +19,9 @@ pub struct RgbdFrame {
     pub color: Image<[u8; 3]>,
     /// Distance along the optical axis (z, not the range), in meters; 0 where none was measured.
     pub depth_m: Image<f32>,
+    /// The pose that the source itself gives, as a phone does: world_from_camera in a world of its own,
+    /// meters. Tracking starts from the motion between two of them; it is no result.
+    pub given_pose: Option<Se3>,
 }
 
 impl RgbdFrame {

@@ -116,7 +116,7 @@ fn black(like: &RgbdFrame, timestamp_s: f64) -> RgbdFrame {
     let (width, height) = like.color.size();
     let color = Image::filled(width, height, [0; 3]);
     let depth_m = Image::filled(width, height, 0.0);
-    RgbdFrame { timestamp_s, depth_delay_s: 0.0, color, depth_m }
+    RgbdFrame { timestamp_s, depth_delay_s: 0.0, color, depth_m, given_pose: None }
 }
 
 /// A frame as it was delivered.

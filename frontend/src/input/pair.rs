@@ -51,7 +51,7 @@ impl PairReader {
         let DepthScale { units_per_m, none } = self.scale;
         let depth_m = depth
             .map(|value| if Some(value) == none { 0.0 } else { f32::from(value) / units_per_m });
-        Ok(RgbdFrame { timestamp_s, depth_delay_s, color, depth_m })
+        Ok(RgbdFrame { timestamp_s, depth_delay_s, color, depth_m, given_pose: None })
     }
 }
 

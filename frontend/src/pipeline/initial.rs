@@ -1,12 +1,14 @@
 //! A. The initial pose of a frame: the best alignment from several starts. Compares with the last frame
-//! only; the map is used later. While few landmarks are known, surfaces can reject the alignment,
-//! because one textured object that moves can have more gradients than the room. The rotation of the
-//! small image is used instead: there each part of the view counts by its area.
+//! only; the map is used later. Where the source gives poses, the motion between them is the first
+//! start, however far apart the frames are, and the guess where nothing aligns. While few landmarks are
+//! known, surfaces can reject the alignment, because one textured object that moves can have more
+//! gradients than the room. The rotation of the small image is used instead: there each part of the view
+//! counts by its area.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector2;
 
-use super::{CurrentFrame, LastFrame, Motion, Pipeline};
+use super::{COASTING_RESIDUAL, CurrentFrame, LastFrame, Motion, Pipeline};
 use crate::image::Image;
 use crate::motion::warp::Exposure;
 use crate::shutter::Shutter;
@@ -40,10 +42,17 @@ impl Pipeline {
     ) -> Option<InitialPose> {
         let (camera, timing) = (&self.camera, &self.options.timing);
         let seconds = frame.rgbd.timestamp_s - last.timestamp_s;
-        let Motion { first_from_second, seconds: last_s } = &last.motion;
-        let rate = if *last_s > 0.0 { 1.0 / last_s } else { 0.0 };
-        // The last motion continues at the same rate for the elapsed time.
-        let predicted = Se3::exp(&(first_from_second.log() * (seconds * rate))).inverse();
+        let given = last.given_pose.zip(frame.rgbd.given_pose);
+        let given = given.map(|(last, now)| last.inverse().compose(&now));
+        // Else the last motion continues at the same rate for the elapsed time.
+        let known =
+            given.map_or(last.motion, |first_from_second| Motion { first_from_second, seconds });
+        let Motion { first_from_second, seconds: known_s } = &known;
+        let rate = if *known_s > 0.0 { 1.0 / known_s } else { 0.0 };
+        let predicted = match given {
+            Some(given) => given.inverse(),
+            None => Se3::exp(&(first_from_second.log() * (seconds * rate))).inverse(),
+        };
         let turn_rate = first_from_second.rotation.log() * rate;
         let shutter = Shutter::new(camera, &turn_rate, timing.readout_s);
         let is_moving = |pixel: &Vector2<f64>| {
@@ -55,19 +64,24 @@ impl Pipeline {
         let small = SmallImage::new(&frame.pyramid);
         let turned = last.small.rotation_to(&small, camera, &predicted.rotation, is_moving);
         let turned = turned.map(|rotation| Se3::new(rotation, predicted.translation));
+        let starts = match given {
+            Some(_) => [Some(predicted), turned, Some(Se3::identity())],
+            None => [turned, Some(predicted), Some(Se3::identity())],
+        };
+        // What nothing aligns with is a guess: landmarks must confirm it.
+        let guess = || {
+            let first_from_second = starts.iter().flatten().next()?.inverse();
+            let motion = Motion { first_from_second, seconds };
+            let (exposure, median_residual) = (Exposure::SAME, f32::INFINITY);
+            Some(InitialPose { motion, exposure, median_residual })
+        };
         if last.points.is_empty() {
-            // A frame without depth has nothing to align with: landmarks must confirm a guess.
-            let first_from_second = turned.unwrap_or(predicted).inverse();
-            return Some(InitialPose {
-                motion: Motion { first_from_second, seconds },
-                exposure: Exposure::SAME,
-                median_residual: f32::INFINITY,
-            });
+            return guess();
         }
         let reference = Reference::new(camera, &last.pyramid, &last.points, FINEST);
         let mut best: Option<Alignment> = None;
-        for start in turned.into_iter().chain([predicted, Se3::identity()]) {
-            let Some(found) = reference.align(camera, &shutter, &frame.pyramid, &start) else {
+        for start in starts.iter().flatten() {
+            let Some(found) = reference.align(camera, &shutter, &frame.pyramid, start) else {
                 continue;
             };
             let is_good = found.median_residual < GOOD_RESIDUAL;
@@ -78,7 +92,9 @@ impl Pipeline {
                 break;
             }
         }
-        let mut found = best?;
+        let is_fit =
+            |found: &Alignment| given.is_none() || found.median_residual < COASTING_RESIDUAL;
+        let Some(mut found) = best.filter(is_fit) else { return given.and_then(|_| guess()) };
         let delay_s = frame.rgbd.depth_delay_s + timing.depth_late_s;
         let delay_share = if seconds > 0.0 { delay_s / seconds } else { 0.0 };
         let current = CurrentDepth { camera, depth_m: &frame.rgbd.depth_m, delay_share };

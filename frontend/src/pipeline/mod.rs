@@ -152,6 +152,8 @@ struct LastFrame {
     pose: CameraPose,
     /// The motion that led to it.
     motion: Motion,
+    /// What the source gives.
+    given_pose: Option<Se3>,
 }
 
 impl LastFrame {
@@ -171,6 +173,7 @@ impl LastFrame {
             pyramid: Arc::clone(&frame.pyramid),
             pose,
             motion,
+            given_pose: frame.rgbd.given_pose,
         }
     }
 }
@@ -411,11 +414,14 @@ impl Pipeline {
         // A place that the local map does not show is mapped anew; what joins both is the server's to find.
         let is_elsewhere = self.state == State::Located && inliers.len() < LEAST_INLIERS;
         (self.state, self.asked) = (State::Tracking, None);
+        // A source that gives poses may have few frames a second, each of which shows another place.
+        let may_follow =
+            self.since_keyframe >= keyframe::LEAST_FRAMES || frame.rgbd.given_pose.is_some();
         let is_due = self.map.reference().is_none_or(|reference| {
             may_be_keyframe
                 && (is_elsewhere
                     || inliers.len() >= LEAST_INLIERS
-                        && self.since_keyframe >= keyframe::LEAST_FRAMES
+                        && may_follow
                         && keyframe::is_due(reference, &pose.world_from_camera, &inliers))
         });
         if let Some(detector) = &mut self.detector {

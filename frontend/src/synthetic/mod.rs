@@ -147,7 +147,10 @@ impl Sequence {
             let color = Image::filled(width, height, [0; 3]);
             let depth_m = Image::filled(width, height, 0.0);
             let mask = Image::filled(width, height, 0);
-            return (RgbdFrame { timestamp_s, depth_delay_s: 0.0, color, depth_m }, mask);
+            return (
+                RgbdFrame { timestamp_s, depth_delay_s: 0.0, color, depth_m, given_pose: None },
+                mask,
+            );
         }
         let solids = self.scene.solids(time_s);
         let picture = Picture::new(&solids, self.view(index));
@@ -157,7 +160,7 @@ impl Sequence {
         let color = sensor::color(&light, self.scene.exposure(time_s), noise);
         let depth_m = sensor::depth(&surfaces, noise);
         let mask = self.mask(index, &surfaces);
-        (RgbdFrame { timestamp_s, depth_delay_s: 0.0, color, depth_m }, mask)
+        (RgbdFrame { timestamp_s, depth_delay_s: 0.0, color, depth_m, given_pose: None }, mask)
     }
 
     fn view(&self, index: usize) -> RenderCamera {

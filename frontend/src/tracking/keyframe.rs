@@ -24,7 +24,7 @@ const LEAST_SHARE: f64 = 0.6;
 const ANGLE_RAD: f64 = 8.0_f64.to_radians();
 /// Due after a translation by more than this share of the scene's distance.
 const DISTANCE_SHARE: f64 = 0.08;
-/// Never due earlier than this after the last one, frames.
+/// Never due earlier than this after the last one, frames, unless the source gives poses.
 pub(crate) const LEAST_FRAMES: usize = 3;
 /// Side of a cell, pixels; each cell may add one landmark.
 const CELL_PX: usize = 20;

@@ -199,6 +199,7 @@ impl RecordedFrames {
             depth_delay_s: depth.timestamp_s - color.timestamp_s,
             color: image,
             depth_m,
+            given_pose: None,
         })
     }
 }
