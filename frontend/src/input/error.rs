@@ -4,8 +4,10 @@
 
 use std::path::PathBuf;
 
+use super::capture::CaptureError;
 use super::decode::DecodeError;
 use super::recording::{MessageError, RecordingError};
+use super::without_depth::DataSet;
 
 /// A source that cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +34,22 @@ pub enum InputError {
     NotASequence {
         /// The folder.
         path: PathBuf,
+    },
+    /// The folder is of a data set whose cameras measure no depth.
+    #[error(
+        "{}: a folder of {layout} with {sensors}: it has no depth images, which tracking needs; stereo \
+         and inertial measurements are not used yet",
+        path.display()
+    )]
+    WithoutDepth {
+        /// The folder.
+        path: PathBuf,
+        /// The data set.
+        layout: DataSet,
+        /// What the folder has.
+        sensors: String,
+        /// Whether a trajectory lies in it.
+        has_truth: bool,
     },
     /// A list has no entries, or none of its color images has a depth image near it in time.
     #[error("{}: no color image has a depth image within {max_difference_s} s", path.display())]
@@ -88,6 +106,9 @@ pub enum InputError {
     /// A recording cannot be used.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// A capture cannot be used.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
     /// A focal length is not positive.
     #[error("camera {from}: {field} is {value} px, which is not positive")]
     Focal {
@@ -123,6 +144,9 @@ pub enum FrameError {
     /// A message cannot be read from its file.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// The frame of a capture cannot be used.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
     /// A message of the frame cannot be used.
     #[error("{}: {topic} at {timestamp_s:.6} s: {source}", path.display())]
     Message {

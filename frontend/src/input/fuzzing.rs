@@ -1,10 +1,12 @@
-//! Fuzz targets of what recordings hold: images, lists of timed files, camera files, ROS 2 messages.
+//! Fuzz targets of what recordings hold: images, lists of timed files, camera files, captures,
+//! ROS 2 messages.
 //!
 //! Built for tests and with the feature `fuzzing` only. Each function takes any bytes and panics
 //! where a promise is broken.
 
 use std::path::{Component, Path};
 
+pub use super::capture::fuzzing::{capture, seeds as capture_seeds};
 pub use super::recording::fuzzing::ros_message;
 pub use super::recording::made as ros_messages;
 use super::{SensorTiming, camera_file, decode, encode, list};

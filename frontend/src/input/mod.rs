@@ -7,7 +7,9 @@
 //! | file | role |
 //! |---|---|
 //! | `folder`, `tum`, `seven_scenes` | a recorded folder, and its layouts |
+//! | [`capture`] | captures of phones: nerfstudio, Polycam, Record3D |
 //! | [`recording`] | MCAP files and rosbag2 folders |
+//! | [`without_depth`] | folders of EuRoC and KITTI, which are no source |
 //! | `list`, `association`, `timing` | lists of timed files, pairs in time, times of rows and depth |
 //! | `pair`, `decode`, `encode` | one frame from its files; PNG and JPEG |
 //! | `camera_file` | intrinsics of a folder |
@@ -15,6 +17,7 @@
 
 mod association;
 pub mod camera_file;
+pub mod capture;
 pub mod decode;
 pub mod encode;
 mod error;
@@ -27,6 +30,7 @@ pub mod recording;
 pub mod seven_scenes;
 mod timing;
 pub mod tum;
+pub mod without_depth;
 
 use std::path::Path;
 
@@ -94,6 +98,9 @@ pub struct OpenFolder {
 /// # Errors
 /// [`InputError`] where the folder, a list in it, the camera or the depth scale cannot be used.
 pub fn open_folder(folder: &Path, options: FolderOptions<'_>) -> Result<OpenFolder, InputError> {
+    if let Some(found) = without_depth::WithoutDepth::of(folder) {
+        return Err(found.error(folder));
+    }
     let numbered =
         if folder.join(tum::COLOR_LIST).exists() { None } else { seven_scenes::listing(folder)? };
     let listing = numbered.map_or_else(|| tum::listing(folder), Ok)?;
