@@ -8,6 +8,7 @@ use std::io::ErrorKind;
 use tonic::Code;
 
 use crate::client::ClientError;
+use crate::frontend::input::InputError;
 use crate::store::StoreError;
 
 /// The next step, where there is one; for the end of the error's line.
@@ -15,6 +16,9 @@ pub(super) fn next_step(error: &anyhow::Error) -> Option<String> {
     error.chain().find_map(|cause| {
         if let Some(error) = cause.downcast_ref::<ClientError>() {
             return of_client(error);
+        }
+        if let Some(InputError::WithoutDepth { has_truth: true, .. }) = cause.downcast_ref() {
+            return Some("`covis eval` compares with the trajectory in it".to_owned());
         }
         if let Some(StoreError::InUse { .. }) = cause.downcast_ref::<StoreError>() {
             return Some("stop that server, or name another folder".to_owned());

@@ -32,11 +32,12 @@ const POSE_REACH_S: f64 = 0.02;
 /// Arguments of `covis fuse`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// mcap:FILE or bag:FOLDER (recordings of ROS 2), tum:FOLDER (TUM RGB-D or 7-Scenes layout), or
-    /// synthetic:SCENE. The path of a recording is enough.
+    /// mcap:FILE or bag:FOLDER (recordings of ROS 2), tum:FOLDER (TUM RGB-D or 7-Scenes layout),
+    /// capture:FOLDER (nerfstudio, Polycam or Record3D), or synthetic:SCENE. The path of a recording is
+    /// enough.
     source: Source,
-    /// Poses of the camera: a TUM or EuRoC trajectory, or a recorded folder with ground truth beside its
-    /// images. Poses are interpolated; frames without a pose within 0.02 s are skipped.
+    /// Poses of the camera: a TUM or EuRoC trajectory, or a recorded folder or a capture with poses beside
+    /// its images. Poses are interpolated; frames without a pose within 0.02 s are skipped.
     #[arg(long, value_name = "TRAJECTORY|FOLDER")]
     poses: PathBuf,
     /// Folder for mesh.ply and volume.covis; it is created if it is missing.
@@ -135,7 +136,9 @@ fn fuse(args: &Args) -> anyhow::Result<()> {
     fs::create_dir_all(&args.out)?;
     let poses = PoseTrack::new(&truth::read_timed(&args.poses)?);
     let source = args.source.clone().with(args.drawing);
-    let mut frames = Peeked::new(source.open(&args.recorded)?, Interrupt::default())?;
+    let interrupt = Interrupt::default();
+    let source = source.open(&args.recorded, &interrupt)?;
+    let mut frames = Peeked::new(source, interrupt)?;
     let camera = frames.frame_camera()?;
     let integration =
         IntegrationOptions { max_depth_m: args.max_depth, ..IntegrationOptions::default() };

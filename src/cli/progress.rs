@@ -76,8 +76,13 @@ impl Progress {
 
     /// Counts `count` more.
     pub(super) fn advance(&mut self, count: u64) {
+        self.advance_to(self.done.saturating_add(count));
+    }
+
+    /// Counts up to `done`.
+    pub(super) fn advance_to(&mut self, done: u64) {
         let before = self.done;
-        self.done = self.done.saturating_add(count);
+        self.done = done;
         match &self.bar {
             Some(bar) => bar.set_position(self.done),
             None if self.tenths(before) < self.tenths(self.done) => {

@@ -247,7 +247,7 @@ fn reduction(row: &Row, figure: fn(&RunFigures) -> Option<f64>) -> Option<f64> {
 /// The folder's or the scene's name.
 fn name(source: &Source) -> String {
     match source {
-        Source::Folder(folder) | Source::Recording(_, folder) => {
+        Source::Folder(folder) | Source::Recording(_, folder) | Source::Capture(folder) => {
             // `.` has a name as well.
             let whole = fs::canonicalize(folder).unwrap_or_else(|_| folder.clone());
             let name = whole.file_name().map(|name| name.to_string_lossy().into_owned());

@@ -41,7 +41,10 @@ impl Truth {
                 };
                 Ok(Self { trajectory, masks })
             }
-            Source::Recording(..) => Ok(Self { trajectory: None, masks: None }),
+            // The poses of a capture are a phone's estimate.
+            Source::Recording(..) | Source::Capture(_) => {
+                Ok(Self { trajectory: None, masks: None })
+            }
             Source::Synthetic(scene, options) => Self::draw(&Sequence::new(*scene, options), out),
         }
     }

@@ -25,7 +25,7 @@ impl Interrupt {
             // It is the only one who sets it.
             let _set = told.0.set(signal);
             tracing::warn!(
-                "{signal}: the run ends with the frames so far, and they are written; a second signal ends at once"
+                "{signal}: the run ends here, and what was tracked is written; a second signal ends at once"
             );
             let again = signals.next().await;
             std::process::exit(i32::from(signal_code(again)));

@@ -10,11 +10,13 @@
 //! | `dense` | the surface beside tracking |
 //! | `interrupt` | ctrl-C and SIGTERM |
 //! | `report`, `page` | what a run leaves |
+//! | `refined` | a capture's own file with the poses of the run |
 
 pub(super) mod dense;
 mod interrupt;
 pub(super) mod masks;
 mod page;
+mod refined;
 pub(super) mod report;
 mod source;
 
@@ -51,8 +53,9 @@ const CLIENT: &str = "frontend";
 /// Arguments of `covis run`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// mcap:FILE or bag:FOLDER (recordings of ROS 2), tum:FOLDER (TUM RGB-D or 7-Scenes layout), or
-    /// synthetic:SCENE. The path of a recording is enough.
+    /// mcap:FILE or bag:FOLDER (recordings of ROS 2), tum:FOLDER (TUM RGB-D or 7-Scenes layout),
+    /// capture:FOLDER (nerfstudio, Polycam or Record3D), or synthetic:SCENE. The path of a recording is
+    /// enough.
     source: Source,
     /// The map to create on the server.
     #[arg(long, value_name = "NAME", default_value = "run")]
@@ -182,6 +185,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         interrupt: Interrupt::default(),
     };
     let source = args.source.clone().with(args.drawing);
+    refined::check(&source, &args.out)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(threads)
         .enable_all()
@@ -201,8 +205,10 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     report::write(&report, &args.out, args.format)?;
     let mesh = dense.as_mut().map(|dense| dense::write(dense, &args.out)).transpose()?;
     let signal = options.interrupt.signal();
-    let document =
-        report::document(&report, dense.as_ref().map(|dense| &dense.report).zip(mesh), signal);
+    let refined = refined::write(&source, &report.trajectory, &args.out)?;
+    let dense = dense.as_ref().map(|dense| &dense.report).zip(mesh);
+    let mut document = report::document(&report, dense, signal);
+    document.refined = refined;
     let flag = args.report_flag();
     let title = format!("Run of {}", args.source);
     flag.write(|| page::page(&title, &document, &report, map.as_ref()))?;
@@ -238,7 +244,7 @@ pub(super) async fn sequence(
     client: &Client,
     map: &str,
 ) -> anyhow::Result<(RunReport, Option<Dense>)> {
-    let source = source.open(&options.recorded)?;
+    let source = source.open(&options.recorded, &options.interrupt)?;
     let usual = source.timing();
     let readout_s = options.timing.0.unwrap_or(usual.readout_s);
     let depth_late_s = options.timing.1.unwrap_or(usual.depth_late_s);

@@ -11,6 +11,7 @@ use super::super::formats::{extension, joined};
 use super::super::html::trajectory::{duration_s, length_m};
 use super::super::volume::{MeshFigures, Paging};
 use super::page::FinalMap;
+use super::refined::Refined;
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::pipeline::StageSeconds;
@@ -60,6 +61,9 @@ pub(super) struct Document {
     mesh: Option<MeshFigures>,
     #[serde(skip_serializing_if = "Option::is_none")]
     paging: Option<Paging>,
+    /// Frames of the capture's `transforms.json` with new poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) refined: Option<Refined>,
 }
 
 /// Of the durations of a stage.
@@ -184,6 +188,7 @@ pub(super) fn document(
         real_time_factor: (duration_s > 0.0).then(|| busy_s / duration_s),
         mesh: dense.map(|(_, mesh)| mesh),
         paging: dense.and_then(|(dense, _)| Paging::of(&dense.volume)),
+        refined: None,
         frames: report.frames,
         skipped: report.skipped,
         tracked: report.live.len(),
@@ -252,6 +257,9 @@ pub(super) fn table(document: &Document, out: &Path) -> String {
     }
     if let Some(signal) = document.interrupted_by {
         text.push_str(&format!("\n\nEnded early, by {signal}: these are the frames until then"));
+    }
+    if let Some(refined) = document.refined {
+        text.push_str(&format!("\n\n{}", refined.text()));
     }
     text.push_str(&format!("\n\nTrajectories are in {}", out.display()));
     text

@@ -1,6 +1,6 @@
-//! Where `covis run` gets its frames: a recorded folder, a recording of ROS 2, or a synthetic scene; a path
-//! without a word before it is looked at. It reports what it had to assume; [`crate::frontend::input`] does
-//! the reading.
+//! Where `covis run` gets its frames: a recorded folder, a recording of ROS 2, a phone's capture, or a
+//! synthetic scene; a path without a word before it is looked at. It reports what it had to assume;
+//! [`crate::frontend::input`] does the reading.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -11,9 +11,12 @@ use anyhow::{Context, bail, ensure};
 use covis_solvers::geometry::PinholeRadialTangential;
 
 use super::super::choices::number;
+use super::super::output::ended_by;
+use super::super::progress::Progress;
 use super::interrupt::Interrupt;
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::image::RgbdFrame;
+use crate::frontend::input::capture::{OpenCapture, is_capture, open_capture};
 use crate::frontend::input::recording::{
     OpenRecording, RecordingOptions, TopicNames, is_bag, open_recording,
 };
@@ -30,6 +33,8 @@ pub(in crate::cli) enum Source {
     Folder(PathBuf),
     /// A recording of ROS 2: an MCAP file, a bag's database or a bag's folder, and how it was named.
     Recording(&'static str, PathBuf),
+    /// A phone's capture: a folder or a `transforms.json`.
+    Capture(PathBuf),
     /// A scene, and how it is drawn.
     Synthetic(SceneName, SequenceOptions),
 }
@@ -40,6 +45,7 @@ impl fmt::Display for Source {
         match self {
             Self::Folder(folder) => write!(f, "tum:{}", folder.display()),
             Self::Recording(kind, path) => write!(f, "{kind}:{}", path.display()),
+            Self::Capture(path) => write!(f, "capture:{}", path.display()),
             Self::Synthetic(scene, ..) => write!(f, "synthetic:{scene}"),
         }
     }
@@ -53,6 +59,7 @@ impl FromStr for Source {
             Some(("tum", folder)) if !folder.is_empty() => Ok(Self::Folder(folder.into())),
             Some(("mcap", file)) if !file.is_empty() => Ok(Self::Recording("mcap", file.into())),
             Some(("bag", path)) if !path.is_empty() => Ok(Self::Recording("bag", path.into())),
+            Some(("capture", path)) if !path.is_empty() => Ok(Self::Capture(path.into())),
             Some(("synthetic", scene)) => {
                 let scene = scene.parse().map_err(|error| format!("{error}"))?;
                 Ok(Self::Synthetic(scene, SequenceOptions::default()))
@@ -63,8 +70,10 @@ impl FromStr for Source {
 }
 
 /// What a source can be.
-const MUST: &str =
-    "must be mcap:FILE, bag:FOLDER, tum:FOLDER, synthetic:SCENE, or the path of a recording";
+const MUST: &str = "must be mcap:FILE, bag:FOLDER, tum:FOLDER, capture:FOLDER, synthetic:SCENE, or the \
+                    path of a recording";
+
+const MEGABYTE: u64 = 1_000_000;
 
 /// What the user knows better than a recorded folder.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -73,7 +82,7 @@ pub(in crate::cli) struct Recorded {
     #[arg(long, value_name = "FILE|NUMBERS")]
     camera: Option<String>,
     /// Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout,
-    /// 1000 for 7-Scenes and for 16-bit depth of ROS, 1 for its 32-bit depth].
+    /// 1000 for 7-Scenes, for captures and for 16-bit depth of ROS, 1 for its 32-bit depth].
     #[arg(long, value_name = "N", value_parser = depth_scale)]
     depth_scale: Option<f32>,
     /// Topic of the color images of an MCAP file or a bag [default: found by type and name].
@@ -95,8 +104,23 @@ impl Recorded {
             .any(|topic| topic.is_some())
     }
 
+    /// Refuses topics where there are none.
+    fn expect_no_topics(&self, source: impl fmt::Display) -> anyhow::Result<()> {
+        ensure!(!self.names_topics(), "topics are named for an MCAP file or a bag; {source}");
+        Ok(())
+    }
+
+    /// What is known better than a folder of images.
+    fn of_folder(&self) -> FolderOptions<'_> {
+        FolderOptions { camera: self.camera.as_deref(), depth_units_per_m: self.depth_scale }
+    }
+
     /// Opens a recording of ROS 2; says what is used of it and what is not.
-    fn open_recording(&self, path: &Path) -> anyhow::Result<Box<dyn FrameSource>> {
+    fn open_recording(
+        &self,
+        path: &Path,
+        interrupt: &Interrupt,
+    ) -> anyhow::Result<Box<dyn FrameSource>> {
         let topics = TopicNames {
             color: self.color_topic.as_deref(),
             depth: self.depth_topic.as_deref(),
@@ -107,8 +131,17 @@ impl Recorded {
             depth_units_per_m: self.depth_scale,
             topics,
         };
-        let OpenRecording { source, used, unused, notes, implausible_depth } =
-            open_recording(path, options)?;
+        let (mut progress, caught) = (None, interrupt.clone());
+        let watch = move |done: u64, all: u64| {
+            let new = || Progress::new("MB indexed", u64::div_ceil(all, MEGABYTE));
+            progress.get_or_insert_with(new).advance_to(done / MEGABYTE);
+            caught.signal().is_none()
+        };
+        let opened = open_recording(path, options, watch);
+        if let Some(signal) = interrupt.signal().filter(|_| opened.is_err()) {
+            return Err(ended_by(signal));
+        }
+        let OpenRecording { source, used, unused, notes, implausible_depth } = opened?;
         for (role, topic) in used {
             tracing::info!("{role} from {topic}");
         }
@@ -153,22 +186,27 @@ impl Source {
     /// What is at a path, where there is something.
     fn of_path(path: &Path) -> Option<Self> {
         if path.is_dir() {
-            let is_bag = !path.join(tum::COLOR_LIST).exists() && is_bag(path);
+            let is_listed = path.join(tum::COLOR_LIST).exists();
+            let (is_bag, is_capture) = (!is_listed && is_bag(path), !is_listed && is_capture(path));
             let path = path.to_owned();
-            return Some(if is_bag { Self::Recording("bag", path) } else { Self::Folder(path) });
+            return Some(match (is_bag, is_capture) {
+                (true, _) => Self::Recording("bag", path),
+                (false, true) => Self::Capture(path),
+                (false, false) => Self::Folder(path),
+            });
         }
         let extension = path.is_file().then(|| path.extension()).flatten()?;
         match extension.to_str()? {
             "mcap" => Some(Self::Recording("mcap", path.to_owned())),
             "db3" => Some(Self::Recording("bag", path.to_owned())),
-            _ => None,
+            _ => is_capture(path).then(|| Self::Capture(path.to_owned())),
         }
     }
 
     /// The same with a seed and a number of frames, which a folder does not have.
     pub(in crate::cli) fn with(self, drawing: Drawing) -> Self {
         match self {
-            Self::Folder(_) | Self::Recording(..) => self,
+            Self::Folder(_) | Self::Recording(..) | Self::Capture(_) => self,
             Self::Synthetic(scene, usual) => {
                 let Drawing { seed, frames } = drawing;
                 let frames = frames.unwrap_or(usual.frames);
@@ -177,20 +215,17 @@ impl Source {
         }
     }
 
-    /// Opens it; says what had to be assumed.
-    pub(in crate::cli) fn open(&self, recorded: &Recorded) -> anyhow::Result<Box<dyn FrameSource>> {
+    /// Opens it; says what had to be assumed. A signal ends the pass over a recording.
+    pub(in crate::cli) fn open(
+        &self,
+        recorded: &Recorded,
+        interrupt: &Interrupt,
+    ) -> anyhow::Result<Box<dyn FrameSource>> {
         match self {
             Self::Folder(folder) => {
-                ensure!(
-                    !recorded.names_topics(),
-                    "topics are named for an MCAP file or a bag; {} is a folder of images",
-                    folder.display()
-                );
-                let options = FolderOptions {
-                    camera: recorded.camera.as_deref(),
-                    depth_units_per_m: recorded.depth_scale,
-                };
-                let open = open_folder(folder, options)?;
+                recorded
+                    .expect_no_topics(format_args!("{} is a folder of images", folder.display()))?;
+                let open = open_folder(folder, recorded.of_folder())?;
                 let advice = "--depth-scale gives it (1000 for millimeters)";
                 warn_of_depth(folder, open.implausible_depth, advice);
                 if open.camera_origin == CameraOrigin::Assumed {
@@ -207,12 +242,19 @@ impl Source {
                 }
                 Ok(open.source)
             }
-            Self::Recording(_, path) => recorded.open_recording(path),
+            Self::Recording(_, path) => recorded.open_recording(path, interrupt),
+            Self::Capture(path) => {
+                recorded.expect_no_topics(format_args!("{} is a capture", path.display()))?;
+                let open = open_capture(path, recorded.of_folder())?;
+                let OpenCapture { source, without_depth, implausible_depth } = open;
+                warn_of_depth(path, implausible_depth, "--depth-scale gives it");
+                if without_depth > 0 {
+                    tracing::warn!("{without_depth} color images have no depth image");
+                }
+                Ok(source)
+            }
             Self::Synthetic(scene, options) => {
-                ensure!(
-                    !recorded.names_topics(),
-                    "topics are named for an MCAP file or a bag; {scene} is drawn"
-                );
+                recorded.expect_no_topics(format_args!("{scene} is drawn"))?;
                 ensure!(
                     recorded.depth_scale.is_none(),
                     "--depth-scale is for recorded folders; {scene} is drawn in meters"
