@@ -23,10 +23,11 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 22] = [
+pub const TARGETS: [Target; 23] = [
     Target { name: "bal", run: files::bal },
     Target { name: "bundler", run: files::bundler },
     Target { name: "camera_file", run: input::camera_file },
+    Target { name: "capture", run: input::capture },
     Target { name: "colmap_binary", run: files::colmap_binary },
     Target { name: "colmap_text", run: files::colmap_text },
     Target { name: "config", run: files::config },

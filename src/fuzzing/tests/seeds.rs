@@ -23,6 +23,7 @@ pub(super) fn all() -> Vec<Seed> {
     put("camera_file", texts(&CAMERA_FILE));
     put("frame_list", texts(&FRAME_LIST));
     put("image", images());
+    put("capture", crate::frontend::input::fuzzing::capture_seeds());
     put("ros_message", crate::frontend::input::fuzzing::ros_messages::seeds());
     put("tokens", texts(&TOKENS));
     put("jwt", JWT.map(|(name, parts)| (name, parts.join("\0").into_bytes())).into());
