@@ -4,6 +4,7 @@
 #![allow(clippy::print_stderr, reason = "a skipped test says so in one line")]
 
 mod backup;
+mod captures;
 mod cli_config;
 mod cli_convert;
 mod cli_edit;
