@@ -181,7 +181,7 @@ complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcom
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "mask" -d 'Intersection over union of masks of moving objects, and the share that they mask falsely'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "truth" -d 'Write the ground-truth poses beside recorded images as a trajectory'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l poses -d 'Poses of the camera: a TUM or EuRoC trajectory, or a recorded folder with ground truth beside its images. Poses are interpolated; frames without a pose within 0.02 s are skipped' -r -F
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l poses -d 'Poses of the camera: a TUM or EuRoC trajectory, or a recorded folder or a capture with poses beside its images. Poses are interpolated; frames without a pose within 0.02 s are skipped' -r -F
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l out -d 'Folder for mesh.ply and volume.covis; it is created if it is missing' -r -F
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l voxel -d 'Edge length of a voxel, meters' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l truncation-voxels -d 'Truncation distance, voxels' -r
@@ -189,7 +189,7 @@ complete -c covis -n "__fish_covis_using_subcommand fuse" -l memory-mb -d 'Maxim
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l remesh -d 'Update the surface after each frame, at most this many changed blocks, oldest first; the rest waits for later frames [default: compute the surface at the end]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l max-depth -d 'Maximum depth that is used, meters' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l camera -d 'Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3]' -r
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes and for 16-bit depth of ROS, 1 for its 32-bit depth]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes, for captures and for 16-bit depth of ROS, 1 for its 32-bit depth]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l color-topic -d 'Topic of the color images of an MCAP file or a bag [default: found by type and name]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l depth-topic -d 'Topic of the depth images, registered to color [default: found by type and name]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l camera-info-topic -d 'Topic of the camera\'s intrinsics [default: camera_info beside the color images]' -r
@@ -825,7 +825,7 @@ complete -c covis -n "__fish_covis_using_subcommand run" -l format -d 'Format of
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand run" -l camera -d 'Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3]' -r
-complete -c covis -n "__fish_covis_using_subcommand run" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes and for 16-bit depth of ROS, 1 for its 32-bit depth]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l depth-scale -d 'Units of the depth images per meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000 for 7-Scenes, for captures and for 16-bit depth of ROS, 1 for its 32-bit depth]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l color-topic -d 'Topic of the color images of an MCAP file or a bag [default: found by type and name]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l depth-topic -d 'Topic of the depth images, registered to color [default: found by type and name]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l camera-info-topic -d 'Topic of the camera\'s intrinsics [default: camera_info beside the color images]' -r
