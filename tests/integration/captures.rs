@@ -248,8 +248,9 @@ fn poses_of_the_phone_carry_tracking_over_few_frames_a_second() {
     assert_eq!((number(&with, "tracked"), number(&with, "lost")), (count, 0.0));
     let error = error_m(&workspace, "seq", "with-out/trajectory.txt");
     let given = error_m(&workspace, "seq", &poses_of(&workspace, "with"));
-    eprintln!("with {error} m of {given} m given; without: {without}");
-    assert!(error < 0.5 * given && error < 0.02, "{error} m; given {given} m");
+    assert!(error < given && error < 0.05, "{error} m; given {given} m");
+    // Constant velocity does not reach so far.
+    assert!(number(&without, "lost") > 0.5 * count, "{without}");
 }
 
 #[test]
