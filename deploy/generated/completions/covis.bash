@@ -678,7 +678,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__convert)
-            opts="-h --from --to --times --force --json --config --log --log-format --help"
+            opts="-h --from --to --times --force --skip-unknown --json --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -5032,7 +5032,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__pose__subcmd__graph)
-            opts="-h --max-iterations --loss --json --out --force --report --method --init --robust --robust-threshold --trusted --certify --repair-information --incremental --threads --config --log --log-format --help"
+            opts="-h --max-iterations --loss --json --out --force --report --method --init --robust --robust-threshold --trusted --certify --repair-information --skip-unknown --incremental --threads --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0

@@ -89,6 +89,7 @@ complete -c covis -n "__fish_covis_using_subcommand convert" -l log -d 'Log leve
 complete -c covis -n "__fish_covis_using_subcommand convert" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand convert" -l force -d 'Replace files that are there'
+complete -c covis -n "__fish_covis_using_subcommand convert" -l skip-unknown -d 'Skip the lines of a g2o file that covis does not read, and say how many of each tag. Without this flag such a line is an error'
 complete -c covis -n "__fish_covis_using_subcommand convert" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand convert" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
@@ -960,6 +961,7 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l force -d 'Replace files that are there'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l certify -d 'Start from the optimum of SE-Sync\'s chordal objective (no loss, isotropic weights) and prove that it is the global one. The proof does not cover the cost that the solve then reaches'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l repair-information -d 'Replace each information matrix that has negative eigenvalues by the nearest positive semi-definite matrix; --out writes the replacements. Without this flag such a matrix is an error'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l skip-unknown -d 'Skip the lines that covis does not read, and say how many of each tag; --out does not have them. Without this flag such a line is an error'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l incremental -d 'Add the vertices one by one in id order, each with its edges to lower ids, and optimize after each; reports how long a step takes'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
