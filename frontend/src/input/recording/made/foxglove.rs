@@ -1,4 +1,5 @@
 //! Foxglove's messages as bytes, in the order of their fields' numbers, as protobuf's own writers have it.
+//! For tests and the corpus of the fuzz target.
 
 /// A message that is written field by field.
 #[derive(Debug, Default)]
