@@ -105,6 +105,19 @@ pub(super) fn read_timed(path: &Path) -> anyhow::Result<Trajectory> {
     Ok(trajectory)
 }
 
+/// The name of a format that other programs read and covis does not.
+fn foreign(path: &Path, bytes: &[u8]) -> Option<&'static str> {
+    const OPENMVG: &[u8] = b"\"sfm_data_version\"";
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    match extension.unwrap_or_default().to_lowercase().as_str() {
+        "pyfg" | "pfg" => Some("a PyFG factor graph"),
+        _ if bytes.windows(OPENMVG.len()).take(4096).any(|part| part == OPENMVG) => {
+            Some("OpenMVG's sfm_data.json")
+        }
+        _ => None,
+    }
+}
+
 /// An error of a file, with what the file looks like where that is something else than `wanted`, and the
 /// command that takes it.
 pub(super) fn with_kind(error: IoError, path: &Path, wanted: Content) -> anyhow::Error {
@@ -112,7 +125,11 @@ pub(super) fn with_kind(error: IoError, path: &Path, wanted: Content) -> anyhow:
     if matches!(error, IoError::Compressed { .. } | IoError::LineEnds { .. }) {
         return error.into();
     }
-    let told = fs::read(path).ok().map(|bytes| Format::of_file(path, &bytes));
+    let bytes = fs::read(path).ok();
+    if let Some(foreign) = bytes.as_ref().and_then(|bytes| foreign(path, bytes)) {
+        return anyhow!("{error}; it looks like {foreign}, which covis does not read");
+    }
+    let told = bytes.map(|bytes| Format::of_file(path, &bytes));
     // What looks like nothing is called TUM's, which would be no help.
     let unsure = Format::Trajectory(TrajectoryFormat::Tum);
     let other = told.filter(|format| format.entry().content != wanted && *format != unsure);

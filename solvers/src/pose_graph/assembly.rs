@@ -88,7 +88,8 @@ pub(super) struct Incidences {
 }
 
 impl Incidences {
-    /// The first `pose_rows` rows are those of poses; `rows_of_edges` yields the rows of poses i and j of each edge, `None` for constant ones.
+    /// The first `pose_rows` rows are those of poses; `rows_of_edges` yields the rows of poses i and j of
+    /// each edge, `None` for constant ones.
     /// An edge of a pose with itself has a constant residual and is left out.
     pub(super) fn new(
         pattern: &BlockPattern,
