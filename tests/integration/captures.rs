@@ -277,7 +277,7 @@ fn refined_poses_are_written_for_training_and_lost_frames_keep_theirs() {
     let refined = error_m(&workspace, "true", &poses_of(&workspace, "nerf/refined.json"));
     assert!(refined < 0.5 * given, "{refined} m refined, {given} m given");
 
-    let ran = workspace.run("--log error run nerf --out nerf", &[]);
+    let ran = workspace.run("--log error run nerf --out nerf --force", &[]);
     ran.expect_failure(&["transforms.json: this is the capture's own file"]);
 }
 
@@ -322,7 +322,7 @@ fn what_is_no_capture_is_refused_with_what_to_do() {
     let times = Trajectory::read(&workspace.path("kitti.txt")).unwrap().timestamps;
     assert_eq!(times, [5.0, 5.1]);
     write(&workspace.path("kitti"), "sequences/07/times.txt", "5.0\n");
-    let ran = workspace.run("eval truth kitti/sequences/07 kitti.txt", &[]);
+    let ran = workspace.run("eval truth kitti/sequences/07 kitti.txt --force", &[]);
     ran.expect_failure(&["times.txt: 1 times, but there are 2 poses"]);
 }
 

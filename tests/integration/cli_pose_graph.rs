@@ -149,7 +149,7 @@ fn a_graph_with_landmarks_and_priors_is_solved_and_written_back_whole() {
     let workspace = Workspace::new();
     let out = workspace.path("out.g2o");
     for (name, fixed) in [("park-80", vec![1014]), ("hall-60", Vec::new())] {
-        let arguments = "solve pose-graph {} --init given --json --out {}";
+        let arguments = "solve pose-graph {} --init given --force --json --out {}";
         let report = workspace.json(arguments, &[&twin(name), &out]);
         let record = golden(&format!("gtsam/{name}-file-start.json"));
         let record: serde_json::Value =

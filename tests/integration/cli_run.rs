@@ -182,9 +182,9 @@ fn given_masks_are_in_the_masks_that_are_saved() {
 fn what_cannot_be_run_is_reported() {
     let workspace = Workspace::new();
     for (source, part) in [
-        ("seq", "must be mcap:FILE, bag:FOLDER, tum:FOLDER, synthetic:SCENE"),
-        ("tum:", "must be mcap:FILE, bag:FOLDER, tum:FOLDER, synthetic:SCENE"),
-        ("mcap:", "must be mcap:FILE, bag:FOLDER, tum:FOLDER, synthetic:SCENE"),
+        ("seq", "must be mcap:FILE, bag:FOLDER, tum:FOLDER, capture:FOLDER, synthetic:SCENE"),
+        ("tum:", "must be mcap:FILE, bag:FOLDER, tum:FOLDER, capture:FOLDER, synthetic:SCENE"),
+        ("mcap:", "must be mcap:FILE, bag:FOLDER, tum:FOLDER, capture:FOLDER, synthetic:SCENE"),
         ("synthetic:beach", "there is no scene `beach`"),
     ] {
         let ran = workspace.run(&format!("run {source}"), &[]);
