@@ -5,6 +5,7 @@ mod bundler;
 mod colmap;
 pub(crate) mod data;
 mod g2o;
+mod g2o_landmarks;
 mod ply;
 mod robustness;
 mod sparse_model;

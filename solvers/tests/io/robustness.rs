@@ -11,7 +11,7 @@ use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use proptest::prelude::*;
 
-use super::{bal, bundler, colmap, g2o};
+use super::{bal, bundler, colmap, g2o, g2o_landmarks};
 
 /// Reads `bytes` as every format; what is accepted must also convert without a panic.
 fn read_as_everything(bytes: &[u8]) {
@@ -101,8 +101,8 @@ proptest! {
             b"1 0 0 5 0 0 -1 6 0 1 0 7\n".to_vec(),
             b"#timestamp [ns], p_x\n1403636580838555648,1,2,3,0.8,0,0.6,0,9\n".to_vec(),
             bundler::small().to_bytes(),
-            g2o::PLANE.into(),
-            g2o::SOLID.into(),
+            g2o_landmarks::PLANE.into(),
+            g2o_landmarks::SOLID.into(),
         ][which].clone();
         mutate(&mut bytes, &changes);
         read_as_everything(&bytes);
