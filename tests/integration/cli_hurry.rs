@@ -283,3 +283,34 @@ fn what_is_there_is_replaced_only_where_the_user_says_so() {
     workspace.json("solve bundle {} --out out.txt --force --json", &[&window]);
     assert!(fs_err::read_to_string(workspace.path("out.txt")).unwrap().starts_with("6 80 "));
 }
+
+#[test]
+fn a_terminal_gets_no_colors_where_its_user_wants_none() {
+    let workspace = Workspace::new();
+    let program = workspace.command().get_program().to_string_lossy().into_owned();
+    let missing = workspace.path("missing.g2o");
+    // An unknown variable makes a line of the log.
+    let line = format!("COVIS_THREDS=1 '{program}' solve '{}'", missing.display());
+    let shown = |no_color: Option<&str>| {
+        let mut script = Command::new("script");
+        script.args(["--quiet", "--command", &line, "/dev/null"]).env("TERM", "xterm");
+        script.env_remove("NO_COLOR").envs(no_color.map(|value| ("NO_COLOR", value)));
+        let output = script.stdin(Stdio::null()).output().ok()?;
+        Some(String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    // `script` runs a command on a terminal of its own.
+    let (Some(colored), Some(plain), Some(empty)) =
+        (shown(None), shown(Some("1")), shown(Some("")))
+    else {
+        skip("no script, which makes a terminal");
+        return;
+    };
+    // The spinner behind it clears its own line, which is no color.
+    let has_color = |shown: &str| {
+        let line = shown.lines().find(|line| line.contains("COVIS_THREDS"));
+        line.unwrap_or_else(|| panic!("{shown}")).contains("\u{1b}[")
+    };
+    assert!(has_color(&colored), "{colored}");
+    assert!(!has_color(&plain), "{plain}");
+    assert!(has_color(&empty), "an empty value says nothing: {empty}");
+}

@@ -237,3 +237,31 @@ fn numbers_have_few_digits() {
     assert_eq!(count(1_234_567), "1\u{2009}234\u{2009}567");
     assert_eq!(count(12), "12");
 }
+
+#[test]
+fn residuals_that_are_next_to_nothing_are_counted_and_not_drawn() {
+    let bars = |tiny: usize| {
+        let mut values = vec![1e-9; tiny];
+        values.extend((1..=80).map(|k| f64::from(k) * 0.01));
+        let mut page = Page::new("title", "covis", "", &[]);
+        page.row(&[histogram(labels("Residuals"), None, &values)], &[]);
+        page.finish("covis")
+    };
+    let (html, without) = (bars(20), bars(0));
+    assert!(html.contains("20 % are below") && !without.contains("are below"), "{html}");
+    // The axis begins where the others do.
+    assert!(!html.contains("1e-9") && !html.contains("1e-8"), "{html}");
+}
+
+#[test]
+fn a_page_begins_with_its_verdict_and_folds_long_tables() {
+    let mut page = Page::new("title", "covis solve", "Converged & done.", &[]);
+    let rows = (0..30).map(|k| vec![k.to_string(), "x".to_owned()]).collect();
+    page.folded(&Table::new("Iterations", &["iteration", "cost"], rows));
+    let html = page.finish("covis");
+    let at = |part: &str| html.find(part).unwrap_or_else(|| panic!("`{part}` in {html}"));
+    assert!(at("Converged &amp; done.") < at("covis solve</code>"));
+    assert!(at("<details>") < at("Iterations: 30 rows") && at("</table>") < at("</details>"));
+    let plain = Page::new("title", "covis", "", &[]).finish("covis");
+    assert!(!plain.contains("class=\"verdict\""), "{plain}");
+}
