@@ -32,7 +32,7 @@ pub(super) fn bal(input: &[u8]) {
     assert!(file.update_from(&problem).is_ok(), "a file does not take its own problem back");
 }
 
-/// A g2o file, as it stands, repaired, and without the lines that are not read.
+/// A g2o file as it is, repaired, and without the lines that are not read.
 pub(super) fn g2o(input: &[u8]) {
     let read = G2oGraph::parse(input, path());
     let repairing = G2oReading { indefinite: Indefinite::Repair, skip_unknown: false };

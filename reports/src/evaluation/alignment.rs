@@ -5,6 +5,7 @@
 //! "Least-squares estimation of transformation parameters between two point patterns", PAMI 1991,
 //! equations 34 to 43): with C = 1/n Σ (y − ȳ)(x − x̄)ᵀ = U D Vᵀ and S = diag(1, 1, ±1), its sign that of
 //! det U · det V, it is R = U S Vᵀ, c = tr(D S) / σ², σ² = 1/n Σ ‖x − x̄‖², and t = ȳ − c R x̄.
+//! [`align_poses`] aligns whole poses instead, of which one is enough.
 
 use std::num::NonZeroUsize;
 
@@ -132,4 +133,44 @@ pub(super) fn umeyama(pairs: &[Pair], with_scale: bool) -> Result<Sim3, Evaluati
     let rotation = So3::from_matrix(&(u * Matrix3::from_diagonal(&signs) * v_transposed));
     let scale = if with_scale { svd.singular_values.dot(&signs) / (variance / count) } else { 1.0 };
     Ok(Sim3::new(rotation, truth_mean - rotation.rotate(&estimate_mean) * scale, scale))
+}
+
+/// The rigid motion a_from_b that fits the pairs of poses best: the rotation nearest to the mean of the
+/// rotations between them (Moakher, SIAM J. Matrix Anal. 2002), then the mean of the translations.
+/// `None` without pairs.
+#[must_use]
+pub fn align_poses<'a>(pairs: impl Iterator<Item = (&'a Se3, &'a Se3)> + Clone) -> Option<Se3> {
+    let (mut sum, mut count) = (Matrix3::zeros(), 0.0);
+    for (a, b) in pairs.clone() {
+        sum += a.rotation.compose(&b.rotation.inverse()).matrix();
+        count += 1.0;
+    }
+    if count == 0.0 {
+        return None;
+    }
+    let rotation = So3::from_matrix(&sum);
+    let mean = pairs.map(|(a, b)| a.translation - rotation.rotate(&b.translation));
+    let translation = mean.fold(Vector3::zeros(), |sum, t| sum + t) / count;
+    Some(Se3::new(rotation, translation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_worlds_are_aligned_by_the_poses_that_both_have() {
+        let at = |x: f64| {
+            Se3::new(So3::exp(&Vector3::new(0.3, x, -0.2)), Vector3::new(x, 2.0 * x, 1.0 - x))
+        };
+        let truth = Se3::new(So3::exp(&Vector3::new(2.0, -1.0, 0.5)), Vector3::new(5.0, 6.0, 7.0));
+        let b = [0.0, 0.5, 1.0].map(at);
+        let a = b.map(|pose| truth.compose(&pose));
+        let found = align_poses(a.iter().zip(&b)).unwrap();
+        assert!(found.inverse().compose(&truth).log().amax() < 1e-12, "{found:?}");
+        // One pair is enough.
+        let found = align_poses(a[..1].iter().zip(&b)).unwrap();
+        assert!(found.inverse().compose(&truth).log().amax() < 1e-12, "{found:?}");
+        assert_eq!(align_poses(a[..0].iter().zip(&b)), None);
+    }
 }

@@ -34,7 +34,7 @@ use covis_solvers::geometry::{LieGroup, Se3, Sim3, So3};
 use covis_solvers::io::trajectory::Trajectory;
 use nalgebra::Vector3;
 
-pub use alignment::{Alignment, Correction};
+pub use alignment::{Alignment, Correction, align_poses};
 pub use drift::{rpe_over, rpe_over_aligned};
 pub use error::EvaluationError;
 pub use mask::{LEAST_COVERAGE, MaskEvaluation, MaskOverlap};

@@ -269,7 +269,7 @@ pub enum IoError {
         camera: u64,
         /// Its model.
         model: String,
-        /// What stands in the way.
+        /// Why it cannot be.
         reason: &'static str,
     },
     /// A text cannot be written in this format.
@@ -279,7 +279,7 @@ pub enum IoError {
         field: &'static str,
         /// Its id.
         id: u64,
-        /// What stands in the way.
+        /// Why it cannot be.
         reason: &'static str,
     },
     /// A factor cannot be written in this format.
@@ -289,7 +289,7 @@ pub enum IoError {
         factor: &'static str,
         /// Its position in its list, from 0.
         index: usize,
-        /// What stands in the way.
+        /// Why it cannot be.
         reason: &'static str,
     },
     /// A file beside another one has not one line for each of its records.

@@ -101,6 +101,7 @@ pub(in crate::cli) fn residuals(page: &mut Page, all: &[Residuals<'_>]) {
     }
 }
 
-fn rms(values: &[f64]) -> f64 {
+/// Root mean square; 0 without values.
+pub(in crate::cli) fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }

@@ -75,21 +75,9 @@ pub(in crate::cli) struct Course<'a> {
     pub(in crate::cli) trajectory: &'a Trajectory,
 }
 
-/// Length of the way, m.
-pub(in crate::cli) fn length_m(trajectory: &Trajectory) -> f64 {
-    let poses = trajectory.world_from_body.windows(2);
-    poses.map(|pair| (pair[1].translation - pair[0].translation).norm()).sum()
-}
-
 /// A way in words: "18.88 m in 99.18 s".
 pub(in crate::cli) fn way(trajectory: &Trajectory) -> String {
-    format!("{} m in {} s", number(length_m(trajectory)), number(duration_s(trajectory)))
-}
-
-/// From the first pose to the last, s.
-pub(in crate::cli) fn duration_s(trajectory: &Trajectory) -> f64 {
-    let times = &trajectory.timestamps;
-    times.first().zip(times.last()).map_or(0.0, |(first, last)| last - first)
+    format!("{} m in {} s", number(trajectory.length_m()), number(trajectory.duration_s()))
 }
 
 /// A section with x, y, z, and roll, pitch, yaw of bodies over time, all in one frame. The angles are about

@@ -11,7 +11,7 @@ use fs_err as fs;
 use serde::Serialize;
 
 use super::super::output::show;
-use super::super::overwrite::Overwrite;
+use super::super::overwrite::{Overwrite, partial};
 use super::super::progress::Working;
 use super::files::Format;
 use crate::client::{Client, ClientError, MapExport};
@@ -98,11 +98,4 @@ pub(in crate::cli) async fn write_files(
         }
     }
     Ok(paths.iter().map(|path| target(path)).collect())
-}
-
-/// Where a file stands until it is complete.
-fn partial(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".partial");
-    PathBuf::from(name)
 }

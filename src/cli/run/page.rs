@@ -13,7 +13,7 @@ use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use super::report::{self, Document, Quantiles};
 use crate::cli::formats::joined;
 use crate::cli::html;
-use crate::cli::html::solve::{Iteration, Residuals, cost, residuals};
+use crate::cli::html::solve::{Iteration, Residuals, cost, residuals, rms};
 use crate::cli::html::trajectory::{Course, components};
 use crate::client::Client;
 use crate::frontend::mapping::run::RunReport;
@@ -41,8 +41,7 @@ impl FinalMap {
     /// Root mean square of the pixels' residuals, px; `None` without any.
     pub(super) fn rms_px(&self) -> Option<f64> {
         let all = &self.lengths.pixels_px;
-        let squares: f64 = all.iter().map(|length| length * length).sum();
-        (!all.is_empty()).then(|| (squares / all.len() as f64).sqrt())
+        (!all.is_empty()).then(|| rms(all))
     }
 
     /// Asks the server.

@@ -8,7 +8,6 @@ use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde::Serialize;
 
 use super::super::formats::{extension, joined};
-use super::super::html::trajectory::{duration_s, length_m};
 use super::super::volume::{MeshFigures, Paging};
 use super::page::FinalMap;
 use super::refined::Refined;
@@ -180,10 +179,10 @@ pub(super) fn document(
         stages.insert("follow", Quantiles::of(dense.follow_s.iter().copied()));
     }
     let way = trajectory(report);
-    let duration_s = duration_s(&way);
+    let duration_s = way.duration_s();
     let busy_s: f64 = durations.frame.iter().sum();
     Document {
-        length_m: length_m(&way),
+        length_m: way.length_m(),
         duration_s,
         real_time_factor: (duration_s > 0.0).then(|| busy_s / duration_s),
         mesh: dense.map(|(_, mesh)| mesh),

@@ -131,11 +131,11 @@ async fn solved(
 }
 
 /// Adds where keyframes were and are. A map that is gone by now does not make a job fail that was applied.
-async fn tell_moved(run: &Run<'_>, map_id: &str, before: Positions, report: &mut Value) {
+async fn add_moved(run: &Run<'_>, map_id: &str, before: Positions, report: &mut Value) {
     if let Ok(map) = run.map(map_id)
         && let Ok(now) = map.snapshot().await
     {
-        before.tell(&now, report);
+        before.add_to_report(&now, report);
     }
 }
 
@@ -185,7 +185,7 @@ pub(super) async fn optimize(
         "switched_off_constraints": result.switched_off_constraint_count,
     });
     report::join(&mut report, report::solve(result.summary.as_ref(), &rows));
-    tell_moved(run, &map_id, before, &mut report).await;
+    add_moved(run, &map_id, before, &mut report).await;
     Ok(Made { costs, ..Made::new(Kind::OptimizeMap(result), report) })
 }
 
@@ -216,7 +216,7 @@ pub(super) async fn rebuild(run: &Run<'_>, map_id: &str) -> Result<Made, Service
     report::join(&mut report, report::reconstruction(outcome.rebuilt.as_ref()));
     let rows = to_iterations(&outcome.certificate.solve, true);
     report::join(&mut report, report::solve(Some(&summary), &rows));
-    tell_moved(run, map_id, before, &mut report).await;
+    add_moved(run, map_id, before, &mut report).await;
     let result = Kind::Reconstruct(v1::ReconstructResult {
         revision: outcome.revision,
         summary: Some(summary),

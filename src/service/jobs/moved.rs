@@ -33,7 +33,7 @@ impl Positions {
     }
 
     /// Adds them to a report, with where the same keyframes are in `after`.
-    pub(super) fn tell(self, after: &Map, to: &mut Value) {
+    pub(super) fn add_to_report(self, after: &Map, to: &mut Value) {
         let trajectory = |(client, before): OfClient| {
             let here = |(id, before): (EntityId, [f64; 3])| {
                 let after = after.keyframes().get(&id)?.world_from_camera.translation;

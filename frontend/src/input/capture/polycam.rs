@@ -32,7 +32,7 @@ const MOST_S: f64 = 1e9;
 
 const NAMES: [&str; 6] = ["fx", "fy", "cx", "cy", "width", "height"];
 
-/// A camera's file, with the pose row by row. All fields stand here: a flattened struct would keep what
+/// A camera's file, with the pose row by row. It lists all fields: a flattened struct would keep what
 /// is not read in memory.
 #[derive(Debug, Deserialize)]
 struct Camera {

@@ -89,7 +89,7 @@ pub(super) fn compressed_image(message: &[u8]) -> Result<CompressedImage<'_>, Me
 pub(super) fn camera_calibration(message: &[u8]) -> Result<CameraInfo<'_>, MessageError> {
     let mut info =
         CameraInfo { model: "", d: [0.0; 14], k: [0.0; 9], p: [0.0; 12], is_whole: true };
-    // Numbers stand in a row, or one by one where the writer likes it.
+    // A writer puts numbers in a row or one by one.
     let mut counts = [0_usize; 3];
     for field in fields(message) {
         let (number, value) = field?;

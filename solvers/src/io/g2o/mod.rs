@@ -5,7 +5,7 @@
 //! the frame of a sensor, whose place on the pose a line of parameters gives. The file's numbers are
 //! kept as they stand, so that writing gives the same objective back; only the conversion to a pose
 //! graph normalizes quaternions whose norm is nearly 1. As g2o does, a reader normalizes all others, and
-//! leaves out edges from a vertex to itself; [`G2oChanges`] tells of both. Other lines of parameters
+//! leaves out edges from a vertex to itself; [`G2oChanges`] counts both. Other lines of parameters
 //! (`PARAMS_…`) are skipped: no record that is read uses them. A record that is not read is refused by
 //! its tag, or skipped and counted where the caller asks for it. Information matrices may be singular;
 //! negative eigenvalues are refused, or repaired in the file's numbers where the caller asks for it. The
@@ -228,7 +228,7 @@ impl G2oGraph {
     ///
     /// # Errors
     /// With its line: an unknown tag, 2D and 3D in one file, a field that is missing, malformed or
-    /// not finite, a word too many, a quaternion of zeros, an id that stands twice, a vertex or a
+    /// not finite, a word too many, a quaternion of zeros, an id that occurs twice, a vertex or a
     /// parameter that is named and that the file does not hold, information matrices with an eigenvalue
     /// that is negative by more than 1e-12 of the largest. And a file without edges and vertices.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, IoError> {

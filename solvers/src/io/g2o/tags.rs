@@ -1,6 +1,6 @@
 //! Tags of g2o's lines, and of TORO's, which g2o reads too.
 //!
-//! One table says which record a tag begins; what stands in a record is in `parse` and `write`.
+//! One table says which record a tag begins; `parse` and `write` know what is in a record.
 
 /// What a line holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -85,6 +85,20 @@ impl Trajectory {
         self.timestamps.is_empty()
     }
 
+    /// Length of the straight lines from pose to pose, m.
+    #[must_use]
+    pub fn length_m(&self) -> f64 {
+        let steps = self.world_from_body.windows(2);
+        steps.map(|pair| (pair[1].translation - pair[0].translation).norm()).sum()
+    }
+
+    /// From the first pose to the last, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        let times = &self.timestamps;
+        times.first().zip(times.last()).map_or(0.0, |(first, last)| last - first)
+    }
+
     /// Reads a TUM file.
     ///
     /// # Errors
