@@ -1,8 +1,8 @@
 //! The calls of a client, one method each: maps, trajectories, landmarks, solves.
 //!
 //! Streamed and paged answers are collected here. Calls with one answer that solve nothing have a
-//! deadline ([`super::LinkOptions::deadline`]). A call is made once: whether it may be repeated
-//! is the caller's to know ([`ClientError::code`]).
+//! deadline ([`super::LinkOptions::deadline`]). A call that the server did not begin, or that changes
+//! nothing, is made again ([`super::LinkOptions::retry`]).
 
 use tokio_stream::{Stream, StreamExt as _};
 use tonic::{Response, Status, Streaming};
@@ -21,27 +21,26 @@ pub struct MapDigests {
     pub keyframe_ids_digest: Vec<u8>,
 }
 
-/// Makes a call, and again at the server that owns the map where another one was asked. Nothing was done
-/// there, so that this is one call.
-macro_rules! led {
-    ($client:ident, $call:expr) => {{
-        let mut followed = 0;
+/// Makes a call, again at the server that owns the map where another one was asked, and again after a
+/// pause where [`ClientError::may_repeat`] allows it.
+macro_rules! repeated {
+    ($client:expr, $call:expr) => {{
+        let mut attempts = $crate::repeats::Attempts::of(&$client);
         loop {
             let answered: Result<_, ClientError> = $call;
-            let Err(error) = &answered else { break answered };
-            if !$client.servers.follow(error) || followed == $crate::servers::MOST_FOLLOWED {
-                break answered;
+            let Err(error) = answered else { break answered };
+            if let Err(error) = attempts.after(error).await {
+                break Err(error);
             }
-            followed += 1;
         }
     }};
 }
-pub(super) use led;
+pub(super) use repeated;
 
 /// All that a streamed answer lists, of one revision, as one message without a page token.
 macro_rules! all {
     ($client:ident, $rpc:literal, $call:ident($request:ident), $list:ident) => {
-        led!(
+        repeated!(
             $client,
             match answer($rpc, $client.map_service().$call($request.clone()).await) {
                 Ok(stream) =>
@@ -62,8 +61,11 @@ impl Client {
     /// # Errors
     /// The codes of `GetServerInfo`.
     pub async fn server_info(&self) -> Result<v1::GetServerInfoResponse, ClientError> {
-        let request = self.timed(v1::GetServerInfoRequest {});
-        answer("GetServerInfo", self.server_service().get_server_info(request).await)
+        let call = || self.timed(v1::GetServerInfoRequest {});
+        repeated!(
+            self,
+            answer("GetServerInfo", self.server_service().get_server_info(call()).await)
+        )
     }
 
     /// Creates an empty map; an absent policy is the server's.
@@ -89,7 +91,7 @@ impl Client {
         request: v1::CreateMapRequest,
     ) -> Result<v1::Map, ClientError> {
         const RPC: &str = "CreateMap";
-        let answer = led!(
+        let answer = repeated!(
             self,
             answer(RPC, self.map_service().create_map(self.timed(request.clone())).await)
         )?;
@@ -122,8 +124,10 @@ impl Client {
     ) -> Result<(v1::Map, MapDigests), ClientError> {
         const RPC: &str = "GetMap";
         let request = v1::GetMapRequest { map_id: map_id.to_owned(), include_digests };
-        let answer =
-            led!(self, answer(RPC, self.map_service().get_map(self.timed(request.clone())).await))?;
+        let answer = repeated!(
+            self,
+            answer(RPC, self.map_service().get_map(self.timed(request.clone())).await)
+        )?;
         let v1::GetMapResponse { map, state_hash, keyframe_ids_digest } = answer;
         Ok((one(RPC, map)?, MapDigests { state_hash, keyframe_ids_digest }))
     }
@@ -148,7 +152,9 @@ impl Client {
         let mut maps = Vec::new();
         let mut request = v1::ListMapsRequest::default();
         loop {
-            let page = answer("ListMaps", self.map_service().list_maps(self.timed(request)).await)?;
+            let call = || self.timed(request.clone());
+            let page =
+                repeated!(self, answer("ListMaps", self.map_service().list_maps(call()).await))?;
             maps.extend(page.maps);
             if page.next_page_token.is_empty() {
                 return Ok(maps);
@@ -164,7 +170,7 @@ impl Client {
     pub async fn delete_map(&self, map_id: &str) -> Result<(), ClientError> {
         let request = v1::DeleteMapRequest { map_id: map_id.to_owned() };
         let call = || self.timed(request.clone());
-        led!(self, answer("DeleteMap", self.map_service().delete_map(call()).await)).map(drop)
+        repeated!(self, answer("DeleteMap", self.map_service().delete_map(call()).await)).map(drop)
     }
 
     /// Makes a map part of another one.
@@ -175,7 +181,7 @@ impl Client {
         &self,
         request: v1::MergeMapsRequest,
     ) -> Result<v1::MergeMapsResponse, ClientError> {
-        led!(self, answer("MergeMaps", self.map_service().merge_maps(request.clone()).await))
+        repeated!(self, answer("MergeMaps", self.map_service().merge_maps(request.clone()).await))
     }
 
     /// Takes a map out of the one that it was merged into.
@@ -186,7 +192,7 @@ impl Client {
         &self,
         request: v1::UndoMergeRequest,
     ) -> Result<v1::UndoMergeResponse, ClientError> {
-        led!(self, answer("UndoMerge", self.map_service().undo_merge(request.clone()).await))
+        repeated!(self, answer("UndoMerge", self.map_service().undo_merge(request.clone()).await))
     }
 
     /// The poses of a map's keyframes, of one client or (`None`) of all: by client, then capture time,
@@ -270,7 +276,7 @@ impl Client {
     /// The codes of `UpdateMap`.
     pub async fn update_map(&self, request: v1::UpdateMapRequest) -> Result<v1::Map, ClientError> {
         const RPC: &str = "UpdateMap";
-        let answer = led!(
+        let answer = repeated!(
             self,
             answer(RPC, self.map_service().update_map(self.timed(request.clone())).await)
         )?;
@@ -285,7 +291,7 @@ impl Client {
         &self,
         request: v1::CopyMapRequest,
     ) -> Result<v1::CopyMapResponse, ClientError> {
-        led!(self, answer("CopyMap", self.map_service().copy_map(request.clone()).await))
+        repeated!(self, answer("CopyMap", self.map_service().copy_map(request.clone()).await))
     }
 
     /// Creates a map from files, whose chunks come in order; the map, and what it does not hold as the files
@@ -332,7 +338,7 @@ impl Client {
         &self,
         request: v1::ExportMapRequest,
     ) -> Result<MapExport, ClientError> {
-        led!(
+        repeated!(
             self,
             match answer(export::RPC, self.map_service().export_map(request.clone()).await) {
                 Ok(stream) => MapExport::begin(stream).await,
@@ -352,7 +358,7 @@ impl Client {
         mut on_iteration: impl FnMut(&v1::IterationSummary),
     ) -> Result<v1::OptimizeMapResult, ClientError> {
         const RPC: &str = "OptimizeMap";
-        led!(
+        repeated!(
             self,
             async {
                 let request = request.clone();
@@ -380,7 +386,10 @@ impl Client {
         &self,
         request: v1::RefinePoseRequest,
     ) -> Result<v1::RefinePoseResponse, ClientError> {
-        answer("RefinePose", self.optimization_service().refine_pose(request).await)
+        repeated!(
+            self,
+            answer("RefinePose", self.optimization_service().refine_pose(request.clone()).await)
+        )
     }
 
     /// Finds where a camera is in a map.
@@ -391,7 +400,10 @@ impl Client {
         &self,
         request: v1::LocalizeRequest,
     ) -> Result<v1::LocalizeResponse, ClientError> {
-        led!(self, answer("Localize", self.optimization_service().localize(request.clone()).await))
+        repeated!(
+            self,
+            answer("Localize", self.optimization_service().localize(request.clone()).await)
+        )
     }
 
     /// Solves a bundle adjustment problem that comes with the call.
@@ -402,7 +414,10 @@ impl Client {
         &self,
         request: v1::SolveBundleRequest,
     ) -> Result<v1::SolveBundleResponse, ClientError> {
-        answer("SolveBundle", self.optimization_service().solve_bundle(request).await)
+        repeated!(
+            self,
+            answer("SolveBundle", self.optimization_service().solve_bundle(request.clone()).await)
+        )
     }
 
     /// Solves a pose graph that comes with the call.
@@ -413,7 +428,13 @@ impl Client {
         &self,
         request: v1::SolvePoseGraphRequest,
     ) -> Result<v1::SolvePoseGraphResponse, ClientError> {
-        answer("SolvePoseGraph", self.optimization_service().solve_pose_graph(request).await)
+        repeated!(
+            self,
+            answer(
+                "SolvePoseGraph",
+                self.optimization_service().solve_pose_graph(request.clone()).await
+            )
+        )
     }
 }
 

@@ -19,6 +19,12 @@ const DOMAIN: &str = "covis";
 /// `ErrorInfo.reason` where another server serves the map.
 const ELSEWHERE: &str = "MAP_OWNED_ELSEWHERE";
 
+/// Reasons of UNAVAILABLE with which the server did nothing of the call.
+const NOT_BEGUN: [&str; 3] = ["STARTING", "MAP_MOVING", ELSEWHERE];
+/// How the calls begin that change nothing, or nothing when they are made again.
+const HARMLESS: [&str; 7] =
+    ["Get", "List", "Localize", "RefinePose", "Solve", "ExportMap", "CreateJob"];
+
 /// Why a call or a session failed.
 #[derive(Clone, Debug, thiserror::Error)]
 #[allow(missing_docs, reason = "the messages say what the fields are")]
@@ -145,6 +151,11 @@ impl ClientError {
     }
 
     /// The error that the last attempt ended with, or this one.
+    pub(super) fn into_cause(self) -> Self {
+        if let Self::RetriesExhausted { last, .. } = self { *last } else { self }
+    }
+
+    /// As [`ClientError::into_cause`].
     fn cause(&self) -> &Self {
         if let Self::RetriesExhausted { last, .. } = self { last } else { self }
     }
@@ -169,6 +180,15 @@ impl ClientError {
             return matches!(code, Code::Unavailable | Code::ResourceExhausted);
         }
         matches!(code, Code::Unavailable | Code::Unknown | Code::Internal | Code::Cancelled)
+    }
+
+    /// Whether the call may be made again: the server or the link was not there, and the server says that
+    /// it did nothing of the call, or the call changes nothing.
+    pub(super) fn may_repeat(&self) -> bool {
+        let Self::Rpc { rpc, status } = self else { return false };
+        let is_begun = reason(status).is_none_or(|reason| !NOT_BEGUN.contains(&reason.as_str()));
+        let is_harmless = HARMLESS.iter().any(|start| rpc.starts_with(start));
+        self.is_transient() && !self.is_full() && (is_harmless || !is_begun)
     }
 
     /// Whether the server has no room.
@@ -243,6 +263,31 @@ mod tests {
             details.set_error_info("BUG", domain, std::collections::HashMap::new());
         }
         ClientError::rpc("Ingest")(Status::with_error_details(code, "text", details))
+    }
+
+    fn of(rpc: &'static str, code: Code, reason: Option<&str>) -> ClientError {
+        let mut details = ErrorDetails::new();
+        if let Some(reason) = reason {
+            details.set_error_info(reason, DOMAIN, std::collections::HashMap::new());
+        }
+        ClientError::rpc(rpc)(Status::with_error_details(code, "text", details))
+    }
+
+    #[test]
+    fn a_call_is_made_again_if_it_changes_nothing_or_was_not_begun() {
+        let gone = Code::Unavailable;
+        for rpc in ["GetMap", "ListJobs", "SolveBundle", "CreateJob"] {
+            assert!(of(rpc, gone, None).may_repeat(), "{rpc}");
+            assert!(of(rpc, gone, Some("DRAINING")).may_repeat(), "{rpc}");
+            assert!(!of(rpc, Code::NotFound, Some("MAP_NOT_FOUND")).may_repeat(), "{rpc}");
+            assert!(!of(rpc, Code::ResourceExhausted, Some("MAP_LIMIT")).may_repeat(), "{rpc}");
+        }
+        for rpc in ["CreateMap", "DeleteMap", "OptimizeMap", "CancelJob", "MergeMaps"] {
+            assert!(!of(rpc, gone, None).may_repeat(), "{rpc}");
+            assert!(!of(rpc, gone, Some("DRAINING")).may_repeat(), "{rpc}");
+            assert!(of(rpc, gone, Some("STARTING")).may_repeat(), "{rpc}");
+            assert!(of(rpc, gone, Some("MAP_MOVING")).may_repeat(), "{rpc}");
+        }
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! Jobs: the calls of `JobService`, the files that jobs take, and those that they make.
 //!
-//! A job survives its client and the server: a caller that has its `job_id` finds it again. A call is made
-//! once; creating a job again with the same id and spec answers the job that is there.
+//! A job survives its client and the server: a caller that has its `job_id` finds it again. Creating a job
+//! again with the same id and spec answers the job that is there.
 
 use tokio_stream::{Stream, StreamExt as _};
 use tonic::Streaming;
 
-use super::calls::{answer, led, next};
+use super::calls::{answer, next, repeated};
 use super::export::{Order, is_safe};
 use super::{Client, ClientError};
 use crate::wire::v1;
@@ -23,7 +23,7 @@ impl Client {
     pub async fn create_job(&self, request: v1::CreateJobRequest) -> Result<v1::Job, ClientError> {
         const RPC: &str = "CreateJob";
         let call = || self.timed(request.clone());
-        let answer = led!(self, answer(RPC, self.job_service().create_job(call()).await))?;
+        let answer = repeated!(self, answer(RPC, self.job_service().create_job(call()).await))?;
         one(RPC, answer.job)
     }
 
@@ -33,8 +33,9 @@ impl Client {
     /// The codes of `GetJob`.
     pub async fn job(&self, job_id: &str) -> Result<v1::Job, ClientError> {
         const RPC: &str = "GetJob";
-        let request = self.timed(v1::GetJobRequest { job_id: job_id.to_owned() });
-        one(RPC, answer(RPC, self.job_service().get_job(request).await)?.job)
+        let call = || self.timed(v1::GetJobRequest { job_id: job_id.to_owned() });
+        let answer = repeated!(self, answer(RPC, self.job_service().get_job(call()).await))?;
+        one(RPC, answer.job)
     }
 
     /// The jobs that the request's filters leave, the newest first, of all pages.
@@ -44,8 +45,9 @@ impl Client {
     pub async fn jobs(&self, filter: v1::ListJobsRequest) -> Result<Vec<v1::Job>, ClientError> {
         let (mut jobs, mut request) = (Vec::new(), filter);
         loop {
-            let call = self.timed(request.clone());
-            let page = answer("ListJobs", self.job_service().list_jobs(call).await)?;
+            let call = || self.timed(request.clone());
+            let page =
+                repeated!(self, answer("ListJobs", self.job_service().list_jobs(call()).await))?;
             jobs.extend(page.jobs);
             if page.next_page_token.is_empty() {
                 return Ok(jobs);
@@ -60,8 +62,9 @@ impl Client {
     /// The codes of `CancelJob`.
     pub async fn cancel_job(&self, job_id: &str) -> Result<v1::Job, ClientError> {
         const RPC: &str = "CancelJob";
-        let request = self.timed(v1::CancelJobRequest { job_id: job_id.to_owned() });
-        one(RPC, answer(RPC, self.job_service().cancel_job(request).await)?.job)
+        let call = || self.timed(v1::CancelJobRequest { job_id: job_id.to_owned() });
+        let answer = repeated!(self, answer(RPC, self.job_service().cancel_job(call()).await))?;
+        one(RPC, answer.job)
     }
 
     /// Forgets a job that has ended.
@@ -69,8 +72,8 @@ impl Client {
     /// # Errors
     /// The codes of `DeleteJob`.
     pub async fn delete_job(&self, job_id: &str) -> Result<(), ClientError> {
-        let request = self.timed(v1::DeleteJobRequest { job_id: job_id.to_owned() });
-        answer("DeleteJob", self.job_service().delete_job(request).await).map(drop)
+        let call = || self.timed(v1::DeleteJobRequest { job_id: job_id.to_owned() });
+        repeated!(self, answer("DeleteJob", self.job_service().delete_job(call()).await)).map(drop)
     }
 
     /// Follows a job to its end and answers it; `on_change` sees it at once and as it changes.

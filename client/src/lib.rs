@@ -22,6 +22,7 @@
 //! | `outbox` | the items that the server has not answered yet |
 //! | `spill` | the file of those that memory does not hold |
 //! | `retry`, `error` | what is tried again, and when to give up |
+//! | `repeats` | the attempts at one call |
 //! | `decoding` | what a message takes in memory, before it is decoded |
 
 mod calls;
@@ -37,6 +38,7 @@ mod link;
 mod mirror;
 mod next_ids;
 mod outbox;
+mod repeats;
 mod retry;
 mod servers;
 mod settled;
@@ -103,6 +105,7 @@ type Link = InterceptedService<Channel, Bearer>;
 pub struct Client {
     servers: Arc<Servers>,
     deadline: Duration,
+    retry: RetryPolicy,
     compress: bool,
 }
 
@@ -136,20 +139,28 @@ impl Client {
         link: LinkOptions,
     ) -> Result<Self, ClientError> {
         let servers = Servers::connect(url, credentials, link).await?;
-        Ok(Self { servers, deadline: link.deadline, compress: link.compress })
+        let LinkOptions { deadline, retry, compress, .. } = link;
+        Ok(Self { servers, deadline, retry, compress })
     }
 
     /// A client without credentials on a channel that the caller made, for instance over a socket of
     /// its own. `url` is for messages only.
     #[must_use]
     pub fn on_channel(channel: Channel, url: &str, deadline: Duration) -> Self {
-        Self { servers: Servers::on_channel(channel, url), deadline, compress: false }
+        let (servers, retry) = (Servers::on_channel(channel, url), RetryPolicy::default());
+        Self { servers, deadline, retry, compress: false }
     }
 
     /// The same client with another deadline of calls that solve nothing.
     #[must_use]
     pub fn with_deadline(&self, deadline: Duration) -> Self {
         Self { deadline, ..self.clone() }
+    }
+
+    /// The same client with other retries of its calls ([`LinkOptions::retry`]).
+    #[must_use]
+    pub fn with_retry(&self, retry: RetryPolicy) -> Self {
+        Self { retry, ..self.clone() }
     }
 
     /// The address of the server that calls go to.

@@ -9,6 +9,8 @@ use std::time::Duration;
 
 use tonic::transport::Endpoint;
 
+use super::RetryPolicy;
+
 /// Times of a link, and how it is used; each with its default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LinkOptions {
@@ -22,6 +24,9 @@ pub struct LinkOptions {
     pub tcp_keep_alive: Duration,
     /// How long a call with one answer may take, those that solve left out (30 s).
     pub deadline: Duration,
+    /// How often a call is made again that changes nothing, or that the server says it did not begin:
+    /// within the deadline above, counted from the first failure.
+    pub retry: RetryPolicy,
     /// Messages travel compressed (gzip), for links that are slow (no). What is large on the way back
     /// comes compressed too.
     pub compress: bool,
@@ -36,6 +41,7 @@ impl Default for LinkOptions {
             keep_alive_timeout: usual,
             tcp_keep_alive: Duration::from_secs(60),
             deadline: Duration::from_secs(30),
+            retry: RetryPolicy::default(),
             compress: false,
         }
     }

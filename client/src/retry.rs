@@ -41,6 +41,12 @@ impl Default for RetryPolicy {
 }
 
 impl RetryPolicy {
+    /// One attempt, for callers that repeat calls themselves.
+    #[must_use]
+    pub fn once() -> Self {
+        Self { max_attempts: 1, ..Self::default() }
+    }
+
     /// Makes a call, and again while it fails for a reason that may pass. The call must be one that
     /// may be made twice.
     ///

@@ -21,7 +21,7 @@ impl Client {
     /// a map whose work waits; [`ClientError::Protocol`] for a server that does not say what is pending
     /// (`GetServerInfo.features` without `map.pending-work`); [`ClientError::RetriesExhausted`].
     pub async fn wait_settled(&self, map_id: &str) -> Result<(), ClientError> {
-        let client = self.apart();
+        let client = self.apart().with_retry(RetryPolicy::once());
         let mut retries = Retries::new(RetryPolicy::default());
         loop {
             match client.settled(map_id, &mut retries).await {

@@ -24,8 +24,8 @@ use crate::service::{RunningServer, Server, ServerConfig};
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
 /// Connects to the server that the configuration names, once it is ready. While nobody answers there, or
-/// the server still opens its maps, it is asked again for as long as `--server-wait` says. Only this
-/// question is repeated: the calls of a command are made once, to a server that takes them.
+/// the server still opens its maps, it is asked again for as long as `--server-wait` says. For as long, the
+/// client repeats those calls of the command that change nothing or that the server did not begin.
 pub(super) async fn connect(config: &Config) -> anyhow::Result<Client> {
     let (credentials, wait) = (credentials(config)?, config.server_wait());
     let retry = RetryPolicy {
@@ -36,8 +36,8 @@ pub(super) async fn connect(config: &Config) -> anyhow::Result<Client> {
     };
     let ready = retry.run(|| async {
         let client = Client::connect_with(config.server(), &credentials).await?;
-        client.server_info().await?;
-        Ok(client)
+        client.with_retry(RetryPolicy::once()).server_info().await?;
+        Ok(client.with_retry(retry))
     });
     match ready.await {
         Ok(client) => Ok(client),

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use covis::client::{
-    Client, Credentials, LinkOptions, RetryPolicy, SessionOptions, Token, WatchOptions,
+    Client, ClientError, Credentials, LinkOptions, RetryPolicy, SessionOptions, Token, WatchOptions,
 };
 use covis::service::{KeepAlive, Server, ServerConfig};
 use covis::wire::v1;
@@ -158,6 +158,37 @@ fn an_optimized_that_was_lost_with_the_link_is_told_by_the_next_one() {
         let report = session.finish().await.unwrap();
         assert_eq!((report.acknowledged, report.duplicates, report.optimized_through), (4, 0, 4));
         assert_eq!(told.lock().unwrap().last(), Some(&4));
+    });
+}
+
+#[test]
+fn a_client_repeats_calls_that_a_server_did_not_begin_and_those_that_change_nothing() {
+    run(async {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let starting = Server::listen(listener, ServerConfig::default()).await.unwrap();
+        let proxy = Proxy::to(address).await;
+        let link = LinkOptions { retry: patient().retry, ..LinkOptions::default() };
+        let client = over(&proxy, link).await;
+        let once = client.with_retry(RetryPolicy::once());
+        let error = once.create_map("room", None).await.unwrap_err();
+        assert_eq!(error.reason().as_deref(), Some("STARTING"));
+        let (created, running) = tokio::join!(client.create_map("room", None), starting.open());
+        assert_eq!(created.unwrap().map_id, "room");
+        // What fails last is what the call ends with.
+        proxy.close();
+        proxy.cut();
+        let error = once.get_map("room").await.unwrap_err();
+        assert!(matches!(error, ClientError::Rpc { rpc: "GetMap", .. }), "{error}");
+        let error = client.delete_map("room").await.unwrap_err();
+        assert!(matches!(error, ClientError::Rpc { rpc: "DeleteMap", .. }), "{error}");
+        let back = async {
+            once.get_map("room").await.unwrap_err();
+            proxy.open();
+        };
+        let (map, ()) = tokio::join!(client.get_map("room"), back);
+        assert_eq!(map.unwrap().map_id, "room");
+        running.unwrap().shutdown().await;
     });
 }
 

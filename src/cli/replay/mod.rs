@@ -110,7 +110,8 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
     };
     let levels = Arc::new(Mutex::new(Levels::default()));
     let work = async {
-        let client = connect(config).await?;
+        // The calls below repeat more than a client does by itself.
+        let client = connect(config).await?.with_retry(RetryPolicy::once());
         prepare_map(&client, &map_id, args, retry).await?;
         let report = stream(&client, &map_id, &stem, retry, recording, args, &levels).await?;
         for rejected in report.rejections.iter().take(SHOWN_REJECTIONS) {
