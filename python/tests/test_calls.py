@@ -69,7 +69,7 @@ def test_a_trajectory_leaves_as_tum_and_to_evo(room, tmp_path):
         assert np.array_equal(watched.trajectory().world_from_camera, found.world_from_camera)
 
 
-def test_a_map_leaves_as_files_and_to_pycolmap(room, tmp_path):
+def test_a_map_leaves_as_files_and_to_pycolmap(room, tmp_path, caplog):
     pycolmap = pytest.importorskip("pycolmap")
     paths = room.export_map("room", tmp_path, "colmap-text")
     assert [path.name for path in paths] == ["cameras.txt", "images.txt", "points3D.txt"]
@@ -86,6 +86,20 @@ def test_a_map_leaves_as_files_and_to_pycolmap(room, tmp_path):
     assert told < 1e-3
     model.update_point_3d_errors()
     assert abs(model.compute_mean_reprojection_error() - told) < 1e-6
+    unit = " ".join("1" if row == column else "0" for row in range(6) for column in range(row, 6))
+    (tmp_path / "walk.g2o").write_text(
+        f"VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 0 0 0 0 2\nLASER 0\n"
+        f"EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 {unit}\n"
+    )
+    with pytest.raises(covis.InvalidArgument, match="line 3"):
+        room.import_map("walk", tmp_path / "walk.g2o", "g2o")
+    warnings = []
+    room.import_map(
+        "walk", tmp_path / "walk.g2o", "g2o", skip_unknown=True, on_warning=warnings.append
+    )
+    assert [(warning.count, warning.first_line) for warning in warnings] == [(1, 2), (1, 3)]
+    room.import_map("walk2", tmp_path / "walk.g2o", "g2o", skip_unknown=True)
+    assert "walk.g2o: lines with the tag LASER are left out: 1" in caplog.text
     with pytest.raises(FileNotFoundError, match="images.bin is missing"):
         (tmp_path / "cameras.bin").touch()
         room.import_map("none", tmp_path, "colmap-binary")

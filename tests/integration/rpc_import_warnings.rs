@@ -43,6 +43,31 @@ fn an_import_of_g2o_says_what_the_map_does_not_hold() {
     });
 }
 
+/// Lines that are not read are an error, or are left out where the client asks for it.
+#[test]
+fn an_import_of_g2o_leaves_out_unknown_lines_if_it_is_asked_to() {
+    run(async {
+        let server = TestServer::start().await;
+        let text = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nROBOTLASER1 0 1\n\
+                    VERTEX_SE3:QUAT 1 1 0 0 0 0 0 1\nTAG 5\nROBOTLASER1 1 1\n\
+                    EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n";
+        let file = ("graph.g2o".to_owned(), text.into());
+        let strict = header("room", v1::MapFormat::G2o);
+        let refused = answer(&server, upload(strict.clone(), std::slice::from_ref(&file))).await;
+        let refused = refused.unwrap_err();
+        assert!(refused.message().contains("line 2"), "{refused}");
+        let header = v1::ImportMapHeader { skip_unknown: true, ..strict };
+        let answer = answer(&server, upload(header, &[file])).await.unwrap();
+        assert_eq!(answer.map.unwrap().counts.unwrap().keyframe_count, 2);
+        let warnings = answer.warnings.iter();
+        let warnings: Vec<_> = warnings.map(|w| (w.change(), w.count, w.first_line)).collect();
+        let change = v1::ImportChange::UnknownLinesLeftOut;
+        assert_eq!(warnings, [(change, 2, 2), (change, 1, 4)]);
+        let text = "graph.g2o: lines with the tag ROBOTLASER1 are left out: 2, the first in line 2";
+        assert_eq!(answer.warnings[0].description, text);
+    });
+}
+
 /// A file that a map holds as it is has no warnings.
 #[test]
 fn an_import_that_changes_nothing_says_nothing() {

@@ -3950,7 +3950,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__map__subcmd__import)
-            opts="-h --format --client --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
+            opts="-h --format --client --skip-unknown --json --server --ca --cert --key --token-file --server-wait --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0

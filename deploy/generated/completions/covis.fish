@@ -765,6 +765,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l skip-unknown -d 'Skip the lines of a g2o file that covis does not read, and say how many of each tag. Without this flag such a line is an error'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l json -d 'Print JSON instead of text'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from help" -f -a "list" -d 'List all maps'

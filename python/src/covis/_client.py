@@ -6,6 +6,7 @@ Streamed and paged answers are collected here. Calls with one answer that solve 
 
 from __future__ import annotations
 
+import logging
 import os
 import tempfile
 import weakref
@@ -46,6 +47,7 @@ from .v1 import (
     GetServerInfoResponse,
     ImportMapHeader,
     ImportMapRequest,
+    ImportWarning,
     IngestAck,
     IterationSummary,
     Job,
@@ -64,6 +66,7 @@ from .v1 import (
 )
 from .v1 import Map as MapInfo
 
+_LOG = logging.getLogger("covis")
 _ENDED = (JobState.JOB_STATE_SUCCEEDED, JobState.JOB_STATE_FAILED, JobState.JOB_STATE_CANCELLED)
 _SOLVING = ("RefinePose", "Localize", "SolveBundle", "SolvePoseGraph", "CopyMap", "MergeMaps", "UndoMerge")
 
@@ -258,20 +261,31 @@ class Client:
         *,
         client_id: str = "",
         policy: MapPolicy | None = None,
+        skip_unknown: bool = False,
+        on_warning: Callable[[ImportWarning], None] | None = None,
     ) -> MapInfo:
         """Creates a map from a file, or from a folder with a COLMAP model.
 
         `format`: "colmap-binary", "colmap-text", "tum", "g2o" or "covis". `client_id` owns what comes
-        from a format without clients ("import").
+        from a format without clients ("import"). `skip_unknown` leaves out lines of g2o that the server
+        does not read, which are an error otherwise. `on_warning` is called with each thing that the map
+        does not hold as the files have it; without it, the logger "covis" warns of each.
         """
         header = ImportMapHeader(
             map_id=map_id,
             policy=policy,
             format=_files.format_number(format),  # type: ignore[arg-type]
             client_id=client_id,
+            skip_unknown=skip_unknown,
         )
         requests = _files.import_requests(header, Path(path))
-        return _map_of(await self._link.upload(requests, ImportMapRequest))
+        answer = await self._link.upload(requests, ImportMapRequest)
+        for warning in answer.warnings:
+            if on_warning is not None:
+                on_warning(warning)
+            else:
+                _LOG.warning("%s: %s", path, warning.description)
+        return _map_of(answer)
 
     async def to_pycolmap(self, map_id: str) -> Any:
         """A map as pycolmap's `Reconstruction`; needs the extra `colmap`.

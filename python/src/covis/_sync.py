@@ -28,6 +28,7 @@ from .v1 import (
     Camera,
     Constraint,
     GetServerInfoResponse,
+    ImportWarning,
     IngestAck,
     IngestOpened,
     IngestRequest,
@@ -140,13 +141,15 @@ class Client(Blocking[_client.Client]):
         """
         return run(lambda: self._twin.export_map(map_id, folder, format, all_points=all_points))
 
-    def import_map(self, map_id: str, path: str | os.PathLike[str], format: str='colmap-binary', *, client_id: str='', policy: MapPolicy | None=None) -> MapInfo:
+    def import_map(self, map_id: str, path: str | os.PathLike[str], format: str='colmap-binary', *, client_id: str='', policy: MapPolicy | None=None, skip_unknown: bool=False, on_warning: Callable[[ImportWarning], None] | None=None) -> MapInfo:
         """Creates a map from a file, or from a folder with a COLMAP model.
 
         `format`: "colmap-binary", "colmap-text", "tum", "g2o" or "covis". `client_id` owns what comes
-        from a format without clients ("import").
+        from a format without clients ("import"). `skip_unknown` leaves out lines of g2o that the server
+        does not read, which are an error otherwise. `on_warning` is called with each thing that the map
+        does not hold as the files have it; without it, the logger "covis" warns of each.
         """
-        return run(lambda: self._twin.import_map(map_id, path, format, client_id=client_id, policy=policy))
+        return run(lambda: self._twin.import_map(map_id, path, format, client_id=client_id, policy=policy, skip_unknown=skip_unknown, on_warning=on_warning))
 
     def to_pycolmap(self, map_id: str) -> Any:
         """A map as pycolmap's `Reconstruction`; needs the extra `colmap`.

@@ -125,16 +125,21 @@ pub(super) struct ImportArgs {
     /// Owner of the imported entities, if the format has no clients.
     #[arg(long, default_value = "import", value_name = "NAME")]
     client: String,
+    /// Skip the lines of a g2o file that covis does not read, and say how many of each tag. Without this
+    /// flag such a line is an error.
+    #[arg(long)]
+    skip_unknown: bool,
 }
 
 /// Creates a map from files and prints it.
 pub(super) async fn import(client: &Client, args: ImportArgs, json: bool) -> anyhow::Result<()> {
-    let ImportArgs { name, path, format, client: client_id } = args;
+    let ImportArgs { name, path, format, client: client_id, skip_unknown } = args;
     let (format, files) = find(&path, format)?;
     let header = v1::ImportMapHeader {
         map_id: name,
         format: v1::MapFormat::from(format).into(),
         client_id,
+        skip_unknown,
         ..v1::ImportMapHeader::default()
     };
     let working = Working::new(format_args!("importing {}", path.display()));

@@ -20,22 +20,27 @@ use crate::service::convert::count;
 use crate::service::error::ServiceError;
 use crate::wire::v1;
 
-/// Adds the only file, of client `client`; what the map does not hold as the file has it.
+/// Adds the only file, of client `client`; what the map does not hold as the file has it. `skip_unknown`
+/// leaves out the lines that are not read, which are an error otherwise.
 pub(super) fn import(
     building: &mut Building,
     files: &[File],
     client: &str,
+    skip_unknown: bool,
 ) -> Result<Vec<v1::ImportWarning>, ServiceError> {
     let [file] = files else { return Err(refused("a pose graph is one file")) };
     let path = &file.path;
     building.price(Content::Graph, &[&file.bytes])?;
-    let read = G2oGraph::parse_with(&file.bytes, Path::new(path), G2oReading::default());
+    let reading = G2oReading { skip_unknown, ..G2oReading::default() };
+    let read = G2oGraph::parse_with(&file.bytes, Path::new(path), reading);
     let (graph, changes) = read.map_err(|error| unreadable(&error))?;
     let graph = match graph {
         G2oGraph::Se3(graph) if graph.has_vertices() => graph,
         G2oGraph::Se3(_) => return Err(refused(format!("{path}: the graph has edges only"))),
         G2oGraph::Se2(_) => {
-            return Err(refused(format!("{path}: a map cannot hold a graph in the plane")));
+            let text =
+                "a map is in space, and a graph in the plane does not say height, roll and pitch";
+            return Err(refused(format!("{path}: {text}")));
         }
     };
     let graph = graph.to_pose_graph().map_err(|error| unreadable(&error))?;
@@ -132,6 +137,13 @@ fn warnings(path: &str, changes: &G2oChanges, graph: &PoseGraph<Se3, 6>) -> Vec<
     warn(Change::QuaternionsNormalized, changes.normalized.unwrap_or(none), text);
     let text = "edges from a vertex to itself are left out";
     warn(Change::SelfEdgesLeftOut, changes.self_edges.unwrap_or(none), text);
+    for (tag, lines) in &changes.skipped {
+        warn(
+            Change::UnknownLinesLeftOut,
+            *lines,
+            &format!("lines with the tag {tag} are left out"),
+        );
+    }
     // The map holds its first keyframe, which is that of the lowest id, where no prior says more.
     let first = graph.ids.iter().min().filter(|_| !graph.has_priors());
     let poses = graph.ids.iter().zip(&graph.constant).filter(|(id, _)| Some(*id) != first);

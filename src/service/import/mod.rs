@@ -36,6 +36,7 @@ struct Header {
     imported: ImportedAs,
     format: Format,
     client: String,
+    skip_unknown: bool,
 }
 
 /// A file of an upload.
@@ -53,7 +54,7 @@ pub(super) async fn import(
     let limits = context.limits();
     let mut upload = Import::new(context, inbound);
     let header = header(upload.header().await?, caller, &limits)?;
-    let Header { name, imported, format, client } = header;
+    let Header { name, imported, format, client, skip_unknown } = header;
     let room = context.maps.begin_import(&name).await?;
     let mut warnings = Vec::new();
     let (content, room, imported) = match format {
@@ -73,7 +74,7 @@ pub(super) async fn import(
                 Some(policy) => policy,
                 None => convert(|out| policy(None, &limits, out))?,
             };
-            let built = move || models::build(format, &files, &client, policy, room);
+            let built = move || models::build(format, &files, &client, skip_unknown, policy, room);
             let built = Context::blocking(built).await?;
             warnings = built.warnings;
             (built.map, built.room, imported)
@@ -121,6 +122,7 @@ fn header(
             imported: ImportedAs { display_name, policy: kept?, frozen: None },
             format: format?,
             client: client?,
+            skip_unknown: message.skip_unknown,
         })
     })?;
     Ok(header)

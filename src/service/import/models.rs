@@ -45,6 +45,7 @@ pub(super) fn build(
     format: Format,
     files: &[File],
     client: &str,
+    skip_unknown: bool,
     policy: MapPolicy,
     room: ImportRoom,
 ) -> Result<Built, ServiceError> {
@@ -53,7 +54,7 @@ pub(super) fn build(
     building.kept = files.iter().map(|file| file.bytes.len() as u64).sum();
     match format {
         Format::Colmap(encoding) => colmap(&mut building, encoding, files, client)?,
-        Format::G2o => warnings = graph::import(&mut building, files, client)?,
+        Format::G2o => warnings = graph::import(&mut building, files, client, skip_unknown)?,
         Format::Tum => tum(&mut building, files, client)?,
         // The first is read while it comes, the second is refused before.
         Format::Covis | Format::Ply => return Err(refused("this format is not made of items")),

@@ -4036,6 +4036,10 @@ pub struct ImportMapHeader {
     /// client belongs to that client. Default "import".
     #[prost(string, tag = "5")]
     pub client_id: ::prost::alloc::string::String,
+    /// Whether lines of a MAP_FORMAT_G2O file with a tag that the server does not read are left out, with a
+    /// warning; otherwise they are an error.
+    #[prost(bool, tag = "6")]
+    pub skip_unknown: bool,
 }
 impl ::prost::Name for ImportMapHeader {
     const NAME: &'static str = "ImportMapHeader";
@@ -4559,6 +4563,8 @@ pub enum ImportChange {
     LandmarkMeasurementsLeftOut = 4,
     /// Priors on landmarks were left out: priors of a map are on keyframes.
     LandmarkPriorsLeftOut = 5,
+    /// Lines with a tag that the server does not read were left out, as skip_unknown asks.
+    UnknownLinesLeftOut = 6,
 }
 impl ImportChange {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -4575,6 +4581,7 @@ impl ImportChange {
                 "IMPORT_CHANGE_LANDMARK_MEASUREMENTS_LEFT_OUT"
             }
             Self::LandmarkPriorsLeftOut => "IMPORT_CHANGE_LANDMARK_PRIORS_LEFT_OUT",
+            Self::UnknownLinesLeftOut => "IMPORT_CHANGE_UNKNOWN_LINES_LEFT_OUT",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -4588,6 +4595,7 @@ impl ImportChange {
                 Some(Self::LandmarkMeasurementsLeftOut)
             }
             "IMPORT_CHANGE_LANDMARK_PRIORS_LEFT_OUT" => Some(Self::LandmarkPriorsLeftOut),
+            "IMPORT_CHANGE_UNKNOWN_LINES_LEFT_OUT" => Some(Self::UnknownLinesLeftOut),
             _ => None,
         }
     }

@@ -33,6 +33,7 @@ class ImportChange(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     IMPORT_CHANGE_FIXED_VERTICES_FREED: _ClassVar[ImportChange]
     IMPORT_CHANGE_LANDMARK_MEASUREMENTS_LEFT_OUT: _ClassVar[ImportChange]
     IMPORT_CHANGE_LANDMARK_PRIORS_LEFT_OUT: _ClassVar[ImportChange]
+    IMPORT_CHANGE_UNKNOWN_LINES_LEFT_OUT: _ClassVar[ImportChange]
 MAP_FORMAT_UNSPECIFIED: MapFormat
 MAP_FORMAT_COLMAP_TEXT: MapFormat
 MAP_FORMAT_COLMAP_BINARY: MapFormat
@@ -46,6 +47,7 @@ IMPORT_CHANGE_SELF_EDGES_LEFT_OUT: ImportChange
 IMPORT_CHANGE_FIXED_VERTICES_FREED: ImportChange
 IMPORT_CHANGE_LANDMARK_MEASUREMENTS_LEFT_OUT: ImportChange
 IMPORT_CHANGE_LANDMARK_PRIORS_LEFT_OUT: ImportChange
+IMPORT_CHANGE_UNKNOWN_LINES_LEFT_OUT: ImportChange
 
 class CreateMapRequest(_message.Message):
     __slots__ = ("map_id", "display_name", "policy")
@@ -256,18 +258,20 @@ class ImportMapRequest(_message.Message):
     def __init__(self, header: _Optional[_Union[ImportMapHeader, _Mapping]] = ..., chunk: _Optional[_Union[FileChunk, _Mapping]] = ...) -> None: ...
 
 class ImportMapHeader(_message.Message):
-    __slots__ = ("map_id", "display_name", "policy", "format", "client_id")
+    __slots__ = ("map_id", "display_name", "policy", "format", "client_id", "skip_unknown")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     DISPLAY_NAME_FIELD_NUMBER: _ClassVar[int]
     POLICY_FIELD_NUMBER: _ClassVar[int]
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     CLIENT_ID_FIELD_NUMBER: _ClassVar[int]
+    SKIP_UNKNOWN_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     display_name: str
     policy: _map_pb2.MapPolicy
     format: MapFormat
     client_id: str
-    def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[_map_pb2.MapPolicy, _Mapping]] = ..., format: _Optional[_Union[MapFormat, str]] = ..., client_id: _Optional[str] = ...) -> None: ...
+    skip_unknown: bool
+    def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[_map_pb2.MapPolicy, _Mapping]] = ..., format: _Optional[_Union[MapFormat, str]] = ..., client_id: _Optional[str] = ..., skip_unknown: bool = ...) -> None: ...
 
 class ImportMapResponse(_message.Message):
     __slots__ = ("map", "warnings")
