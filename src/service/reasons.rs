@@ -45,6 +45,7 @@ pub(super) fn solve_reason(error: &SolveError) -> ViolationReason {
             ViolationReason::TooLarge
         }
         SolveError::InvalidOption { .. }
+        | SolveError::SelfRange { .. }
         | SolveError::BadLoss { .. }
         | SolveError::Threads { .. } => ViolationReason::OutOfRange,
     }

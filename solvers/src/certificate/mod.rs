@@ -82,8 +82,8 @@ pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         let reason = "a graph with priors cannot be certified";
         return Err(SolveError::InvalidOption { field: "certify", reason });
     }
-    if !graph.landmarks.is_empty() {
-        let reason = "a graph with landmarks cannot be certified";
+    if graph.has_measured() {
+        let reason = "a graph with landmarks or ranges cannot be certified";
         return Err(SolveError::InvalidOption { field: "certify", reason });
     }
     let matrix = data_matrix(graph);

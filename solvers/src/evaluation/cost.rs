@@ -11,7 +11,9 @@ use nalgebra::{SVector, Vector3};
 use super::reference::{ReferencePose, Rigid, project};
 use super::residuals::{ResidualReport, bundle_residuals, pose_graph_residuals};
 use super::sum::CompensatedSum;
-use crate::factors::{LandmarkMeasurement, PosePrior, PositionPrior, RelativePose, Sighting};
+use crate::factors::{
+    LandmarkMeasurement, PosePrior, PositionPrior, Range, RangeEnd, RelativePose, Sighting,
+};
 use crate::information::Information;
 use crate::loss::Loss;
 use crate::problem::{BundleProblem, Observation, PoseGraph};
@@ -40,8 +42,10 @@ pub struct CostReport {
     pub pose_prior: FactorCost,
     /// Priors on positions.
     pub position_prior: FactorCost,
-    /// Measurements of landmarks by position, bearing or range.
+    /// Measurements of landmarks by position or bearing.
     pub landmark: FactorCost,
+    /// Ranges.
+    pub range: FactorCost,
     /// √(Σ ‖(u, v) − measured‖² / N) over the N observations of both kinds, in pixels; no loss, no
     /// sigma. 0 without observations.
     pub rmse_px: f64,
@@ -61,6 +65,7 @@ impl CostReport {
             self.pose_prior,
             self.position_prior,
             self.landmark,
+            self.range,
         ] {
             total.add(part.cost);
         }
@@ -95,10 +100,11 @@ pub fn pose_graph_cost<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G,
     let (poses, whole, points) = (&graph.poses, &graph.pose_priors, &graph.position_priors);
     let pose_prior = pose_priors(whole, poses);
     let position_prior = position_priors(points, poses);
-    let landmark = landmarks(graph);
+    let (landmark, range) = (landmarks(graph), ranges(graph));
     let residuals = pose_graph_residuals(graph);
     let others = CostReport::default();
-    CostReport { relative_pose, pose_prior, position_prior, landmark, residuals, ..others }.add_up()
+    CostReport { relative_pose, pose_prior, position_prior, landmark, range, residuals, ..others }
+        .add_up()
 }
 
 /// The cost of a bundle adjustment problem.
@@ -126,6 +132,7 @@ pub fn bundle_cost(problem: &BundleProblem) -> CostReport {
         pose_prior: pose_priors(&problem.pose_priors, &problem.poses),
         position_prior: position_priors(&problem.position_priors, &problem.poses),
         landmark: FactorCost::default(),
+        range: FactorCost::default(),
         rmse_px: pixels.rmse_px(),
         behind_camera: pixels.behind_camera,
         residuals: bundle_residuals(problem),
@@ -274,10 +281,32 @@ pub(super) fn landmark_residual<G: ReferencePose<N>, const N: usize>(
             let turns = (q.y.atan2(q.x) - z) / TAU;
             Vector3::new((turns - turns.round()) * TAU, 0.0, 0.0)
         }
-        Sighting::Range(z) => {
-            Vector3::new((q.x * q.x + q.y * q.y + q.z * q.z).sqrt() - z, 0.0, 0.0)
-        }
     })
+}
+
+fn ranges<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G, N>) -> FactorCost {
+    let mut tally = Tally::default();
+    for range in &graph.ranges {
+        let r = range_residual(range, graph).unwrap_or(f64::NAN);
+        tally.add(range.loss.unwrap_or(graph.loss), r * r * range.precision);
+    }
+    tally.cost()
+}
+
+/// The residual of a range, m; `None` where an index has no variable.
+pub(super) fn range_residual<G: ReferencePose<N>, const N: usize>(
+    range: &Range,
+    graph: &PoseGraph<G, N>,
+) -> Option<f64> {
+    let position = |end| match end {
+        RangeEnd::Pose(pose) => {
+            graph.poses.get(pose).map(|pose: &G| pose.reference_point(&Vector3::zeros()))
+        }
+        RangeEnd::Landmark(landmark) => graph.landmarks.positions.get(landmark).copied(),
+    };
+    let [a, b] = range.ends.map(position);
+    let d = b? - a?;
+    Some((d.x * d.x + d.y * d.y + d.z * d.z).sqrt() - range.distance_m)
 }
 
 /// rᵀΩr, summed entry by entry.

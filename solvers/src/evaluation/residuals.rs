@@ -6,10 +6,10 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::cost::{landmark_residual, observed};
+use super::cost::{landmark_residual, observed, range_residual};
 use super::reference::ReferencePose;
 use super::sum::CompensatedSum;
-use crate::factors::{PosePrior, PositionPrior, Sighting};
+use crate::factors::{PosePrior, PositionPrior, Range, RangeEnd, Sighting};
 use crate::information::Information;
 use crate::loss::Loss;
 use crate::problem::{BundleProblem, Observation, PoseGraph, dimension_of_space};
@@ -49,8 +49,8 @@ pub enum Quantity {
     LandmarkPosition,
     /// Bearings of landmarks, rad.
     LandmarkBearing,
-    /// Ranges of landmarks, m.
-    LandmarkRange,
+    /// Distances between poses and landmarks, m.
+    Range,
 }
 
 impl Quantity {
@@ -65,7 +65,7 @@ impl Quantity {
         Self::PriorPosition,
         Self::LandmarkPosition,
         Self::LandmarkBearing,
-        Self::LandmarkRange,
+        Self::Range,
     ];
 
     /// Its name in texts and in JSON.
@@ -81,7 +81,7 @@ impl Quantity {
             Self::PriorPosition => "prior position",
             Self::LandmarkPosition => "landmark position",
             Self::LandmarkBearing => "landmark bearing",
-            Self::LandmarkRange => "landmark range",
+            Self::Range => "range",
         }
     }
 
@@ -95,7 +95,7 @@ impl Quantity {
             | Self::PriorTranslation
             | Self::PriorPosition
             | Self::LandmarkPosition
-            | Self::LandmarkRange => "m",
+            | Self::Range => "m",
             Self::RelativeRotation | Self::PriorRotation | Self::LandmarkBearing => "rad",
         }
     }
@@ -283,7 +283,7 @@ pub(super) fn pose_graph_residuals<G: ReferencePose<N>, const N: usize>(
     report
 }
 
-/// Those of measured landmarks.
+/// Those of measured landmarks and of ranges.
 fn landmark_residuals<G: ReferencePose<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
     report: &mut ResidualReport,
@@ -292,10 +292,12 @@ fn landmark_residuals<G: ReferencePose<N>, const N: usize>(
     let space = dimension_of_space(N);
     // Measurements and rows of each.
     let mut tracks = vec![(0, 0); landmarks.len()];
-    for measurement in &landmarks.measurements {
-        if let Some((count, rows)) = tracks.get_mut(measurement.landmark) {
+    let measured = landmarks.measurements.iter().map(|m| (m.landmark, m.rows(space)));
+    let ranged = graph.ranges.iter().flat_map(landmark_ends).map(|landmark| (landmark, 1));
+    for (landmark, own) in measured.chain(ranged) {
+        if let Some((count, rows)) = tracks.get_mut(landmark) {
             *count += 1;
-            *rows += measurement.rows(space);
+            *rows += own;
         }
     }
     let redundancy =
@@ -304,26 +306,37 @@ fn landmark_residuals<G: ReferencePose<N>, const N: usize>(
             (_, Some(&(count, rows))) if count > 1 => redundancy_of(rows, space),
             _ => 0.0,
         };
-    let kinds = [
-        (Quantity::LandmarkPosition, space),
-        (Quantity::LandmarkBearing, 1),
-        (Quantity::LandmarkRange, 1),
-    ];
+    let kinds =
+        [(Quantity::LandmarkPosition, space), (Quantity::LandmarkBearing, 1), (Quantity::Range, 1)];
     let mut samples = kinds.map(|(_, dimension)| Samples::new(dimension, graph.loss));
     for measurement in &landmarks.measurements {
         let kind = match measurement.sighting {
             Sighting::Position(_) => 0,
             Sighting::Bearing(_) => 1,
-            Sighting::Range(_) => 2,
         };
         if let Some(r) = landmark_residual(measurement, graph) {
             let s = r.dot(&(measurement.information.matrix() * r));
             samples[kind].add(r.norm_squared(), s, redundancy(measurement.landmark));
         }
     }
+    for range in &graph.ranges {
+        if let Some(r) = range_residual(range, graph) {
+            // Between poses alone a range is beyond their unknowns.
+            let redundancy = landmark_ends(range).map(redundancy).fold(1.0, f64::min);
+            samples[2].add(r * r, r * r * range.precision, redundancy);
+        }
+    }
     for ((quantity, _), samples) in kinds.into_iter().zip(samples) {
         report.0[quantity as usize] = samples.statistics();
     }
+}
+
+/// The landmarks at the ends of a range.
+fn landmark_ends(range: &Range) -> impl Iterator<Item = usize> {
+    range.ends.into_iter().filter_map(|end| match end {
+        RangeEnd::Pose(_) => None,
+        RangeEnd::Landmark(landmark) => Some(landmark),
+    })
 }
 
 /// Those of priors on poses and on positions.

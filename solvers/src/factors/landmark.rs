@@ -1,7 +1,7 @@
-//! Measurement of a landmark from a pose: its position, its bearing or its range.
+//! Measurement of a landmark from a pose: its position or its bearing. Its range is a factor of `range`.
 //!
 //! With q = X⁻¹ · p the landmark in the frame of the pose: position r = q − z, bearing
-//! r = atan2(q_y, q_x) − z within half a turn, range r = |q| − z. With the right update X · Exp(δ),
+//! r = atan2(q_y, q_x) − z within half a turn. With the right update X · Exp(δ),
 //! ∂q/∂δ = −∂(Exp(δ) · q)/∂δ and ∂q/∂p = Rᵀ. In the plane the third row of everything is zero.
 //! Nothing here applies a loss.
 
@@ -18,8 +18,6 @@ pub enum Sighting {
     Position(Vector3<f64>),
     /// Its direction about the z axis from the x axis of the pose, in radians.
     Bearing(f64),
-    /// Its distance from the origin of the pose, in meters.
-    Range(f64),
 }
 
 /// A measured landmark.
@@ -32,7 +30,7 @@ pub struct LandmarkMeasurement {
     /// The measurement.
     pub sighting: Sighting,
     /// Ω over the rows of the residual: (x, y, z) of a position, of which the plane has two; the first
-    /// row alone of a bearing, in 1/rad², and of a range, in 1/m².
+    /// row alone of a bearing, in 1/rad².
     pub information: Information<3>,
     /// ρ of this factor alone; `None` takes the loss of the graph.
     pub loss: Option<Loss>,
@@ -50,7 +48,7 @@ pub struct LandmarkLinearization<const N: usize> {
 }
 
 impl LandmarkMeasurement {
-    /// Ω of a bearing or a range with this precision, 1/σ².
+    /// Ω of a bearing with this precision, 1/σ².
     ///
     /// # Errors
     /// [`InformationError`] where the precision is negative or not finite.
@@ -63,7 +61,7 @@ impl LandmarkMeasurement {
     pub fn is_finite(&self) -> bool {
         match self.sighting {
             Sighting::Position(position) => position.iter().all(|value| value.is_finite()),
-            Sighting::Bearing(value) | Sighting::Range(value) => value.is_finite(),
+            Sighting::Bearing(value) => value.is_finite(),
         }
     }
 
@@ -72,7 +70,7 @@ impl LandmarkMeasurement {
     pub fn rows(&self, dimension: usize) -> usize {
         match self.sighting {
             Sighting::Position(_) => dimension,
-            Sighting::Bearing(_) | Sighting::Range(_) => 1,
+            Sighting::Bearing(_) => 1,
         }
     }
 
@@ -92,7 +90,6 @@ impl LandmarkMeasurement {
             Sighting::Bearing(z) => {
                 Vector3::new(So2::from_angle(q.y.atan2(q.x) - z).angle(), 0.0, 0.0)
             }
-            Sighting::Range(z) => Vector3::new(q.norm() - z, 0.0, 0.0),
         }
     }
 
@@ -107,7 +104,7 @@ impl LandmarkMeasurement {
     }
 
     /// The residual and its Jacobians from `world_from_pose`, not whitened. A landmark at the origin of
-    /// the pose has no direction: its bearing and its range then have zero Jacobians.
+    /// the pose has no direction: its bearing then has zero Jacobians.
     #[must_use]
     pub fn linearize<G: LieGroup<N>, const N: usize>(
         &self,
@@ -129,19 +126,16 @@ impl LandmarkMeasurement {
 
     /// ∂r/∂q.
     fn of_point(&self, q: &Vector3<f64>) -> Matrix3<f64> {
-        let first_row = |row: Vector3<f64>| {
-            let mut matrix = Matrix3::zeros();
-            matrix.set_row(0, &row.transpose());
-            matrix
-        };
         match self.sighting {
             Sighting::Position(_) => Matrix3::identity(),
             Sighting::Bearing(_) => {
                 let square = q.x * q.x + q.y * q.y;
                 let around = Vector3::new(-q.y, q.x, 0.0);
-                first_row(if square > 0.0 { around / square } else { Vector3::zeros() })
+                let row = if square > 0.0 { around / square } else { Vector3::zeros() };
+                let mut matrix = Matrix3::zeros();
+                matrix.set_row(0, &row.transpose());
+                matrix
             }
-            Sighting::Range(_) => first_row(q.try_normalize(0.0).unwrap_or_default()),
         }
     }
 }

@@ -9,15 +9,18 @@
 //! | `reprojection` | a landmark at a pixel, without or with depth |
 //! | `relative_pose` | between two poses of any group |
 //! | `prior` | on a pose, or on a position |
-//! | `landmark` | a landmark measured from a pose: position, bearing, range |
+//! | `landmark` | a landmark measured from a pose: position, bearing |
+//! | `range` | the distance between two poses or landmarks |
 
 mod landmark;
 mod prior;
+mod range;
 mod relative_pose;
 mod reprojection;
 
 pub use landmark::{LandmarkLinearization, LandmarkMeasurement, Sighting};
 pub use prior::{PosePrior, PositionPrior};
+pub use range::{Range, RangeEnd, RangeLinearization, RangePlace};
 pub(crate) use relative_pose::{FACTORS_PER_CHUNK, FACTORS_PER_QUESTION, cost};
 pub use relative_pose::{PairLinearization, RelativePose};
 pub use reprojection::{DepthReprojectionBatch, Linearization, Reprojection, ReprojectionBatch};

@@ -1,6 +1,6 @@
 //! Aligns a graph with its priors, as the start of a solve.
 //!
-//! Each piece that edges and landmarks tie together and that has no constant pose may turn and shift as a whole: its edges
+//! Each piece that edges, landmarks and ranges tie together and that has no constant pose may turn and shift as a whole: its edges
 //! do not change. The motion that takes the measured points to their measurements minimizes Σ √trace(Ω) ‖X p
 //! − z‖, a sum of distances, which false measurements move little; it is found by iteratively reweighted
 //! closed-form fits (Umeyama 1991, without scale). A piece with a prior on a whole pose has the motion that
@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::factors::{PosePrior, PositionPrior};
 use crate::geometry::{RigidMotion, hat};
-use crate::problem::{DisjointSets, PoseGraph, are_spread};
+use crate::problem::{PoseGraph, are_spread};
 
 /// Fits of a piece. They settle after some ten, more where many measurements are false.
 const FITS: usize = 40;
@@ -35,9 +35,8 @@ pub fn align_to_priors<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     if !graph.has_priors() || graph.landmarks.are_anchored() {
         return false;
     }
-    let mut sets = DisjointSets::new(graph.poses.len());
+    let mut sets = graph.ties();
     graph.edges.iter().for_each(|edge| _ = sets.join(edge.i, edge.j));
-    graph.landmarks.join(&mut sets);
     let mut is_held = vec![false; graph.poses.len()];
     for pose in (0..graph.poses.len()).filter(|&pose| graph.constant[pose]) {
         is_held[sets.root(pose)] = true;
@@ -56,13 +55,10 @@ pub fn align_to_priors<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         motions.push(motion);
     }
     let mut has_moved = false;
-    let landmarks = &mut graph.landmarks;
-    let mut is_moved = vec![false; landmarks.len()];
-    for measurement in &landmarks.measurements {
-        let Some(pose) = measurement.pose else { continue };
-        let is_new = !std::mem::replace(&mut is_moved[measurement.landmark], true);
-        if let Some(motion) = motions[sets.root(pose)].as_ref().filter(|_| is_new) {
-            let position = &mut landmarks.positions[measurement.landmark];
+    for (landmark, position) in graph.landmarks.positions.iter_mut().enumerate() {
+        // Of a landmark that nothing ties to a pose there is no motion.
+        let root = sets.root(graph.poses.len() + landmark);
+        if let Some(Some(motion)) = motions.get(root) {
             *position = motion.act(position);
         }
     }

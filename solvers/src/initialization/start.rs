@@ -95,7 +95,7 @@ fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     let never = Interrupt::NEVER;
     let cost = |graph: &PoseGraph<G, N>| {
         let edges = cost(&graph.edges, &graph.poses, graph.loss, &never);
-        edges + graph.landmarks.cost(&graph.poses, graph.loss)
+        edges + graph.cost_of_measured()
     };
     let given = has_poses.then(|| {
         let landmarks = graph.landmarks.positions.clone();

@@ -1,6 +1,6 @@
 //! Pose-graph optimization: poses of one group, and landmarks, from relative measurements.
 //!
-//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the cost of priors and of measured landmarks
+//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the cost of priors, measured landmarks and ranges
 //! over the poses and landmarks that are not constant. The normal equations are block-sparse with one
 //! block row a pose and a landmark; Gauss-Newton or
 //! Levenberg-Marquardt steps come from their Cholesky factorization. This file holds the facade;
@@ -10,7 +10,7 @@
 //! |---|---|
 //! | `assembly`, `system` | normal equations; the graph as the loop sees it |
 //! | `rows` | which block row each variable has |
-//! | `priors`, `landmarks` | what priors and measured landmarks add |
+//! | `priors`, `landmarks`, `ranges` | what priors, measured landmarks and ranges add |
 //! | `growing` | a graph that is at a minimum after each update |
 //! | `undetermined` | poses that the factors leave open, and in which directions |
 //! | `covariance` | of points that are measured |
@@ -20,6 +20,7 @@ mod covariance;
 mod growing;
 mod landmarks;
 mod priors;
+mod ranges;
 mod rows;
 mod system;
 mod undetermined;
@@ -117,7 +118,8 @@ pub fn solve_until<G: LieGroup<N>, const N: usize>(
 pub fn price_bound<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Price {
     let landmarks = dimension_of_space(N) * graph.landmarks.len();
     let dimension = (N * graph.poses.len() + landmarks) as f64;
-    let edges = (graph.edges.len() + graph.landmarks.measurements.len()) as f64;
+    let edges =
+        (graph.edges.len() + graph.landmarks.measurements.len() + graph.ranges.len()) as f64;
     let bytes = 16.0 * dimension * dimension + 3000.0 * edges + 1000.0 * dimension;
     let flops_per_iteration = dimension.powi(3) / 3.0 + (40 * N * N) as f64 * edges;
     Price { bytes: bytes as u64, flops_per_iteration }

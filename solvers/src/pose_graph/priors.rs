@@ -21,10 +21,7 @@ pub(crate) fn cost<G: LieGroup<N>, const N: usize>(
 ) -> f64 {
     let edges = factors::cost(&graph.edges, &graph.poses, graph.loss, interrupt);
     let edges = if graph.has_priors() { edges + prior_cost(graph) } else { edges };
-    match graph.landmarks.is_empty() {
-        true => edges,
-        false => edges + graph.landmarks.cost(&graph.poses, graph.loss),
-    }
+    if graph.has_measured() { edges + graph.cost_of_measured() } else { edges }
 }
 
 /// ½ Σ ρ over the priors alone.

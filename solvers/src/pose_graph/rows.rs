@@ -3,6 +3,7 @@
 //! Poses that may move come first, in index order, then the landmarks that may move. It lays out the
 //! matrix and fills nothing in.
 
+use crate::factors::RangeEnd;
 use crate::geometry::LieGroup;
 use crate::linear::BlockPattern;
 use crate::problem::{PoseGraph, dimension_of_space};
@@ -39,6 +40,14 @@ impl Rows {
         self.free_poses.len() + self.free_landmarks.len()
     }
 
+    /// Row of the variable at an end of a range; `None` where it is held.
+    pub(super) fn of_end(&self, end: RangeEnd) -> Option<usize> {
+        match end {
+            RangeEnd::Pose(pose) => self.of_pose[pose],
+            RangeEnd::Landmark(landmark) => self.of_landmark[landmark],
+        }
+    }
+
     /// The blocks that the factors of `graph` touch.
     pub(super) fn pattern<G: LieGroup<N>, const N: usize>(
         &self,
@@ -50,6 +59,10 @@ impl Rows {
         let seen = graph.landmarks.measurements.iter().filter_map(|measurement| {
             self.of_pose[measurement.pose?].zip(self.of_landmark[measurement.landmark])
         });
-        BlockPattern::new(sizes, edges.chain(seen))
+        let ranges = graph.ranges.iter().filter_map(|range| {
+            let [a, b] = range.ends.map(|end| self.of_end(end));
+            a.zip(b)
+        });
+        BlockPattern::new(sizes, edges.chain(seen).chain(ranges))
     }
 }

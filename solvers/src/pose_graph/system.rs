@@ -12,6 +12,7 @@ use nalgebra::{SVector, Vector3};
 use super::assembly::{Incidences, linearize_edges};
 use super::landmarks;
 use super::priors::{self, cost};
+use super::ranges;
 use super::rows::Rows;
 use crate::factors::{self, RelativePose};
 use crate::geometry::LieGroup;
@@ -46,6 +47,7 @@ fn check_start<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Resul
     let not_finite = |edge: &RelativePose<G, N>| !edge.rho(&graph.poses, graph.loss).is_finite();
     priors::check_finite(graph)?;
     landmarks::check_finite(graph)?;
+    ranges::check_finite(graph)?;
     if !factors::cost(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER).is_finite()
         && let Some(index) = graph.edges.iter().position(not_finite)
     {
@@ -147,6 +149,7 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
         self.incidences.assemble(&self.edge_blocks, interrupt, hessian, gradient);
         priors::add(graph, &self.rows.of_pose, hessian, gradient);
         landmarks::add(graph, &self.rows, hessian, gradient);
+        ranges::add(graph, &self.rows, hessian, gradient);
         if interrupt.is_due() {
             return Gradient { max_norm: f64::NAN };
         }

@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, SVector};
 use super::assembly::{Incidences, linearize_edges};
 use super::landmarks;
 use super::priors;
+use super::ranges;
 use super::rows::Rows;
 use super::system::blocks_mut;
 use crate::geometry::LieGroup;
@@ -97,6 +98,7 @@ pub(super) fn hessian<G: LieGroup<N>, const N: usize>(
     incidences.assemble(&blocks, &Interrupt::NEVER, &mut hessian, &mut gradient);
     priors::add(graph, &rows.of_pose, &mut hessian, &mut gradient);
     landmarks::add(graph, rows, &mut hessian, &mut gradient);
+    ranges::add(graph, rows, &mut hessian, &mut gradient);
     hessian
 }
 

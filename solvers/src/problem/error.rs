@@ -68,6 +68,12 @@ pub enum SolveError {
         /// Its position in its batch, from 0.
         index: usize,
     },
+    /// A range is between a variable and itself.
+    #[error("range {index} is between a variable and itself")]
+    SelfRange {
+        /// Its position in its batch, from 0.
+        index: usize,
+    },
     /// The factors leave a variable open: a system that must have one solution has none or many.
     #[error("the {what} {id} is not determined by the factors")]
     Singular {

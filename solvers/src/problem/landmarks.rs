@@ -1,13 +1,12 @@
 //! Landmarks of a pose graph: points with ids, and what was measured of them.
 //!
-//! A structure of arrays like the poses beside it. It holds, checks and says what hangs together; the
-//! residuals are those of [`LandmarkMeasurement`].
+//! A structure of arrays like the poses beside it. It holds, places and checks; the residuals are those of [`LandmarkMeasurement`].
 
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{DisjointSets, SolveError};
+use super::SolveError;
 use crate::factors::{LandmarkMeasurement, Sighting};
 use crate::geometry::LieGroup;
 use crate::loss::Loss;
@@ -90,8 +89,8 @@ impl Landmarks {
     }
 
     /// Moves each landmark that may move and whose position was measured to where its positions fit
-    /// best with the poses held: p = (Σ R Ω Rᵀ)⁻¹ Σ R Ω Rᵀ (X z). Others stay, since a bearing or a
-    /// range alone does not tell where they are.
+    /// best with the poses held: p = (Σ R Ω Rᵀ)⁻¹ Σ R Ω Rᵀ (X z). Others stay, since a bearing alone
+    /// does not tell where they are.
     pub fn place<G: LieGroup<N>, const N: usize>(&mut self, poses: &[G]) {
         let space = dimension_of_space(N);
         // The third axis of the plane takes no part.
@@ -114,21 +113,11 @@ impl Landmarks {
         }
     }
 
-    /// Joins the poses that measure one landmark. Landmarks that are anchored are one with each other.
-    pub fn join(&self, poses: &mut DisjointSets) {
-        let mut first_of: Vec<Option<usize>> = vec![None; self.len()];
-        let mut anchored: Vec<bool> = self.constant.clone();
-        let from_world = self.measurements.iter().filter(|m| m.pose.is_none());
-        from_world.for_each(|m| anchored[m.landmark] = true);
-        let mut first_anchored = None;
-        for measurement in &self.measurements {
-            let (Some(pose), landmark) = (measurement.pose, measurement.landmark) else { continue };
-            let first = match anchored[landmark] {
-                true => &mut first_anchored,
-                false => &mut first_of[landmark],
-            };
-            poses.join(*first.get_or_insert(pose), pose);
-        }
+    /// The landmarks with a place in the world of their own, some of them twice.
+    pub(crate) fn anchored(&self) -> impl Iterator<Item = usize> + '_ {
+        let constant = (0..self.len()).filter(|&landmark| self.constant[landmark]);
+        let surveyed = self.measurements.iter().filter(|m| m.pose.is_none()).map(|m| m.landmark);
+        constant.chain(surveyed)
     }
 
     /// Whether every landmark that may move has a measured position with information in each of the

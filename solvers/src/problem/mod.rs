@@ -7,7 +7,7 @@
 //! | file | role |
 //! |---|---|
 //! | `bundle`, `pose_graph` | the problems |
-//! | `landmarks` | points of a pose graph and what was measured of them |
+//! | `landmarks`, `ranges` | points of a pose graph and what was measured of them; distances |
 //! | `pose_factors`, `rigidity`, `disjoint_sets` | checks of them: factors of poses, poses that are determined, pieces |
 //! | `error` | why a problem cannot be solved as posed |
 
@@ -17,6 +17,7 @@ mod error;
 mod landmarks;
 mod pose_factors;
 mod pose_graph;
+mod ranges;
 mod rigidity;
 
 pub use bundle::{BundleProblem, Observation};

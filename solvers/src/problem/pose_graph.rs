@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use super::pose_factors::{check_priors, check_relative_poses};
 use super::{DisjointSets, Landmarks, SolveError};
-use crate::factors::{PosePrior, PositionPrior, RelativePose};
+use crate::factors::{PosePrior, PositionPrior, Range, RangeEnd, RelativePose};
 use crate::geometry::LieGroup;
 use crate::lists::Lists;
 use crate::loss::Loss;
@@ -31,7 +31,9 @@ pub struct PoseGraph<G, const N: usize> {
     pub position_priors: Vec<PositionPrior>,
     /// Points beside the poses; none in most graphs.
     pub landmarks: Landmarks,
-    /// The loss of every edge and measurement of a landmark that has none of its own; priors have
+    /// Measured distances between poses and landmarks; none in most graphs.
+    pub ranges: Vec<Range>,
+    /// The loss of every edge, range and measurement of a landmark that has none of its own; priors have
     /// their own.
     pub loss: Loss,
 }
@@ -78,6 +80,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
             pose_priors: Vec::new(),
             position_priors: Vec::new(),
             landmarks: Landmarks::default(),
+            ranges: Vec::new(),
             loss: Loss::Trivial,
         }
     }
@@ -95,6 +98,12 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         if let Some(index) = self.lowest_id() {
             self.constant[index] = true;
         }
+    }
+
+    /// Whether there are landmarks or ranges beside the poses and their factors.
+    #[must_use]
+    pub fn has_measured(&self) -> bool {
+        !(self.landmarks.is_empty() && self.ranges.is_empty())
     }
 
     /// Whether there is a prior of either kind.
@@ -175,7 +184,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
 
     /// Checks that lengths and indices agree, ids are unique, every number is finite and the graph
     /// is in one piece (counting all constant poses and all that have a prior as one, since each of
-    /// them has a place in the world, and all that measure one landmark).
+    /// them has a place in the world, and all that landmarks and ranges tie together).
     ///
     /// # Errors
     /// The first [`SolveError`] found.
@@ -186,7 +195,8 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
                 return Err(SolveError::LengthMismatch { what, actual, expected: count });
             }
         }
-        if self.edges.is_empty() && !self.has_priors() && self.landmarks.measurements.is_empty() {
+        let is_measured = !(self.landmarks.measurements.is_empty() && self.ranges.is_empty());
+        if self.edges.is_empty() && !self.has_priors() && !is_measured {
             return Err(SolveError::Empty("the graph has no edges"));
         }
         if !self.loss.is_valid() {
@@ -207,6 +217,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         check_relative_poses("edge", &self.edges, count)?;
         check_priors(&self.pose_priors, &self.position_priors, count)?;
         self.landmarks.validate(count, &index_of)?;
+        self.check_ranges()?;
         let pieces = self.pieces();
         if pieces.len() > 1 {
             return Err(SolveError::Disconnected { pieces });
@@ -214,16 +225,36 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         Ok(())
     }
 
+    /// What measurements of landmarks and ranges tie together: sets of the poses, then the landmarks.
+    /// Landmarks that are anchored are one with each other.
+    pub(crate) fn ties(&self) -> DisjointSets {
+        let poses = self.poses.len();
+        let mut sets = DisjointSets::new(poses + self.landmarks.len());
+        sets.join_all(self.landmarks.anchored().map(|landmark| poses + landmark));
+        for measurement in &self.landmarks.measurements {
+            if let Some(pose) = measurement.pose {
+                sets.join(pose, poses + measurement.landmark);
+            }
+        }
+        for range in &self.ranges {
+            let [a, b] = range.ends.map(|end| match end {
+                RangeEnd::Pose(pose) => pose,
+                RangeEnd::Landmark(landmark) => poses + landmark,
+            });
+            sets.join(a, b);
+        }
+        sets
+    }
+
     /// The connected components, the one with the lowest id first. Constant poses and those that have
-    /// a prior hang together, and so do those that measure one landmark.
+    /// a prior hang together, and so do those that landmarks and ranges tie together.
     #[must_use]
     pub fn pieces(&self) -> Vec<Piece> {
-        let mut sets = DisjointSets::new(self.poses.len());
+        let mut sets = self.ties();
         for edge in &self.edges {
             sets.join(edge.i, edge.j);
         }
         sets.join_all(self.placed());
-        self.landmarks.join(&mut sets);
         let mut pieces: BTreeMap<usize, Piece> = BTreeMap::new();
         for (index, &id) in self.ids.iter().enumerate() {
             let piece = pieces.entry(sets.root(index)).or_insert(Piece {

@@ -141,6 +141,7 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
             .collect(),
         // [`super::solve`] takes no graph with landmarks.
         landmarks: Landmarks::default(),
+        ranges: Vec::new(),
         loss: graph.loss,
     };
     let way = |row: Row| {

@@ -49,7 +49,7 @@ use crate::optimizer::{
 };
 use crate::pose_graph;
 use crate::price::Limits;
-use crate::problem::{DisjointSets, PoseGraph, SolveError};
+use crate::problem::{PoseGraph, SolveError};
 
 /// Weight of a switched-off closure that is the only connection of two parts of the graph.
 const BRIDGE_WEIGHT: f64 = 1e-6;
@@ -153,8 +153,8 @@ pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         let reason = "must be finite and positive";
         return Err(SolveError::InvalidOption { field: "threshold", reason });
     }
-    if !graph.landmarks.is_empty() {
-        let reason = "loop closures of a graph with landmarks cannot be judged";
+    if graph.has_measured() {
+        let reason = "loop closures of a graph with landmarks or ranges cannot be judged";
         return Err(SolveError::InvalidOption { field: "robust", reason });
     }
     graph.hold_gauge();
@@ -202,12 +202,12 @@ fn at_weights<G: LieGroup<N>, const N: usize>(
         pose_priors: graph.pose_priors.clone(),
         position_priors: graph.position_priors.clone(),
         landmarks: graph.landmarks.clone(),
+        ranges: graph.ranges.clone(),
         loss: graph.loss,
     };
-    let mut pieces = DisjointSets::new(copy.poses.len());
+    let mut pieces = graph.ties();
     // Poses with a place in the world belong to one piece.
     pieces.join_all(graph.placed());
-    graph.landmarks.join(&mut pieces);
     for (edge, &weight) in graph.edges.iter().zip(&weights) {
         if weight > 0.0 {
             pieces.join(edge.i, edge.j);

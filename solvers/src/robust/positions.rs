@@ -17,7 +17,7 @@ use crate::interrupt::Interrupt;
 use crate::optimizer::ignore_iterations;
 use crate::order;
 use crate::pose_graph::{self, position_covariances};
-use crate::problem::{DisjointSets, PoseGraph, SolveError};
+use crate::problem::{PoseGraph, SolveError};
 
 /// Rounds of judging. One leaves out a fix in each neighborhood.
 const MAX_ROUNDS: usize = 40;
@@ -112,14 +112,13 @@ pub fn judge_positions<G: LieGroup<N>, const N: usize>(
 
 /// Whether the position priors that count leave the graph in one piece.
 fn is_one_piece<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>, counts: &[bool]) -> bool {
-    let mut sets = DisjointSets::new(graph.poses.len());
+    let mut sets = graph.ties();
     graph.edges.iter().for_each(|edge| _ = sets.join(edge.i, edge.j));
-    graph.landmarks.join(&mut sets);
     let constant = (0..graph.poses.len()).filter(|&pose| graph.constant[pose]);
     let whole = graph.pose_priors.iter().map(|prior| prior.pose);
     let kept = graph.position_priors.iter().zip(counts).filter(|&(_, &counts)| counts);
     sets.join_all(constant.chain(whole).chain(kept.map(|(prior, _)| prior.pose)));
-    sets.roots().len() <= 1
+    (0..graph.poses.len()).all(|pose| sets.root(pose) == 0)
 }
 
 /// Solves with the position priors that count; 2 × the cost at the end.

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use covis_solvers::evaluation::pose_graph_cost;
-use covis_solvers::factors::Sighting;
+use covis_solvers::factors::{Range, RangeEnd};
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::g2o::{G2oGraph, G2oPose, G2oSe2, G2oSe3};
 
@@ -109,9 +109,11 @@ fn a_graph_with_landmarks_and_priors_becomes_a_file_of_the_same_cost() {
                 assert_eq!(again, G2oGraph::Se3(made.clone()));
                 let costs =
                     (pose_graph_cost(&graph), pose_graph_cost(&made.to_pose_graph().unwrap()));
-                graph.landmarks.measurements[0].sighting = Sighting::Range(3.0);
+                let ends = [RangeEnd::Pose(0), RangeEnd::Pose(1)];
+                let (distance_m, precision, loss) = (3.0, 1.0, None);
+                graph.ranges.push(Range { ends, distance_m, precision, loss });
                 let refusal = G2oSe3::from_pose_graph(&graph);
-                refused(refusal, &["measurement of a landmark", "record 0", "no ranges"]);
+                refused(refusal, &["range", "record 0", "no ranges"]);
                 costs
             }
         };

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use covis_solvers::evaluation::{Quantity, pose_graph_cost};
-use covis_solvers::factors::{LandmarkMeasurement, PosePrior, Sighting};
+use covis_solvers::factors::{LandmarkMeasurement, PosePrior, Range, RangeEnd, Sighting};
 use covis_solvers::geometry::{LieGroup, Se2, Se3};
 use covis_solvers::graph_optimization::{self, Judging};
 use covis_solvers::information::Information;
@@ -53,11 +53,9 @@ fn sweep<G: LieGroup<N>, const N: usize>(seed: u64, space: usize) {
             }
             let landmark = pose.act(&seen);
             let measured = seen + point(normal_vector(&mut rng, 0.1), space);
-            for sighting in [
-                Sighting::Position(measured),
-                Sighting::Bearing(measured.y.atan2(measured.x)),
-                Sighting::Range(measured.norm()),
-            ] {
+            for sighting in
+                [Sighting::Position(measured), Sighting::Bearing(measured.y.atan2(measured.x))]
+            {
                 let measurement = LandmarkMeasurement {
                     pose: Some(0),
                     landmark: 0,
@@ -176,16 +174,19 @@ fn with_landmarks<G: LieGroup<N>, const N: usize>(
         landmarks.push(position);
         for pose in 2 * k..2 * k + 5 {
             let seen = truth[pose].inverse().act(&position);
+            if k % 3 == 2 && space == 3 {
+                let ends = [RangeEnd::Pose(pose), RangeEnd::Landmark(landmark)];
+                let (distance_m, precision, loss) = (seen.norm(), 100.0, None);
+                graph.ranges.push(Range { ends, distance_m, precision, loss });
+                continue;
+            }
             let sighting = match k % 3 {
                 0 | 1 => Sighting::Position(seen),
-                _ if space == 2 => Sighting::Bearing(seen.y.atan2(seen.x)),
-                _ => Sighting::Range(seen.norm()),
+                _ => Sighting::Bearing(seen.y.atan2(seen.x)),
             };
             let information = match sighting {
                 Sighting::Position(_) => information(&mut rng),
-                Sighting::Bearing(_) | Sighting::Range(_) => {
-                    LandmarkMeasurement::scalar_information(100.0).unwrap()
-                }
+                Sighting::Bearing(_) => LandmarkMeasurement::scalar_information(100.0).unwrap(),
             };
             let pose = Some(pose);
             let measurement =
@@ -325,7 +326,7 @@ fn what_is_wrong_with_a_landmark_is_named() {
         (|graph| graph.landmarks.measurements[2].pose = Some(99), "measurement 2: pose 99"),
         (|graph| graph.landmarks.measurements[2].landmark = 12, "measurement 2: landmark 12"),
         (
-            |graph| graph.landmarks.measurements[2].sighting = Sighting::Range(f64::INFINITY),
+            |graph| graph.landmarks.measurements[2].sighting = Sighting::Bearing(f64::INFINITY),
             "landmark measurement 2 is not finite",
         ),
         (

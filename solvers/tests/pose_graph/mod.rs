@@ -16,6 +16,7 @@ mod growing_random;
 mod jacobians;
 mod landmarks;
 mod priors;
+mod ranges;
 mod recovery;
 mod similarity;
 mod start;

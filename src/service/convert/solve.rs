@@ -299,7 +299,8 @@ pub(in crate::service) fn to_residual_kind(quantity: Quantity) -> v1::ResidualKi
         Quantity::PriorPosition => v1::ResidualKind::PriorPosition,
         Quantity::LandmarkPosition => v1::ResidualKind::LandmarkPosition,
         Quantity::LandmarkBearing => v1::ResidualKind::LandmarkBearing,
-        Quantity::LandmarkRange => v1::ResidualKind::LandmarkRange,
+        // Its name on the wire is older than ranges between poses.
+        Quantity::Range => v1::ResidualKind::LandmarkRange,
     }
 }
 

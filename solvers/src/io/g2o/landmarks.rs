@@ -157,11 +157,13 @@ where
             (Sighting::Bearing(_), _) => {
                 return unwritable(kind, k, "g2o has bearings in the plane only, from poses");
             }
-            (Sighting::Range(_), _) => return unwritable(kind, k, "g2o has no ranges"),
         };
         let pose = id_at(&graph.ids, measurement.pose.unwrap_or_default(), "pose", kind, k)?;
         let offset = offset.filter(|_| matches!(measured, G2oMeasured::Position(_)));
         file.sightings.push(G2oSighting { pose, point, offset, measured, information });
+    }
+    if !graph.ranges.is_empty() {
+        return unwritable("range", 0, "g2o has no ranges");
     }
     for (k, prior) in graph.pose_priors.iter().enumerate() {
         let id = id_at(&graph.ids, prior.pose, "pose", "prior on a pose", k)?;
