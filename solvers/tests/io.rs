@@ -7,6 +7,7 @@ pub(crate) mod data;
 mod g2o;
 mod g2o_landmarks;
 mod ply;
+mod pyfg;
 mod robustness;
 mod sparse_model;
 mod trajectory;

@@ -79,7 +79,12 @@ pub(super) fn read_trajectory(
     let bytes = fs::read(path)?;
     let format = match format.map_or_else(|| Format::of_file(path, &bytes), Format::Trajectory) {
         Format::Trajectory(format) => format,
-        other @ (Format::Bal | Format::Bundler | Format::Colmap(_) | Format::G2o | Format::Ply) => {
+        other @ (Format::Bal
+        | Format::Bundler
+        | Format::Colmap(_)
+        | Format::G2o
+        | Format::Pyfg
+        | Format::Ply) => {
             let (file, entry) = (path.display(), other.entry());
             bail!(
                 "{file}: is not a trajectory but {} ({}); `covis convert` makes one from it",
@@ -106,16 +111,10 @@ pub(super) fn read_timed(path: &Path) -> anyhow::Result<Trajectory> {
 }
 
 /// The name of a format that other programs read and covis does not.
-fn foreign(path: &Path, bytes: &[u8]) -> Option<&'static str> {
+fn foreign(bytes: &[u8]) -> Option<&'static str> {
     const OPENMVG: &[u8] = b"\"sfm_data_version\"";
-    let extension = path.extension().and_then(|extension| extension.to_str());
-    match extension.unwrap_or_default().to_lowercase().as_str() {
-        "pyfg" | "pfg" => Some("a PyFG factor graph"),
-        _ if bytes.windows(OPENMVG.len()).take(4096).any(|part| part == OPENMVG) => {
-            Some("OpenMVG's sfm_data.json")
-        }
-        _ => None,
-    }
+    let is_openmvg = bytes.windows(OPENMVG.len()).take(4096).any(|part| part == OPENMVG);
+    is_openmvg.then_some("OpenMVG's sfm_data.json")
 }
 
 /// An error of a file, with what the file looks like where that is something else than `wanted`, and the
@@ -126,7 +125,7 @@ pub(super) fn with_kind(error: IoError, path: &Path, wanted: Content) -> anyhow:
         return error.into();
     }
     let bytes = fs::read(path).ok();
-    if let Some(foreign) = bytes.as_ref().and_then(|bytes| foreign(path, bytes)) {
+    if let Some(foreign) = bytes.as_ref().and_then(|bytes| foreign(bytes)) {
         return anyhow!("{error}; it looks like {foreign}, which covis does not read");
     }
     let told = bytes.map(|bytes| Format::of_file(path, &bytes));
@@ -134,7 +133,8 @@ pub(super) fn with_kind(error: IoError, path: &Path, wanted: Content) -> anyhow:
     let unsure = Format::Trajectory(TrajectoryFormat::Tum);
     let other = told.filter(|format| format.entry().content != wanted && *format != unsure);
     let Some(entry) = other.map(Format::entry) else {
-        return if told == Some(Format::G2o) { with_skipping(error) } else { error.into() };
+        let has_tags = matches!(told, Some(Format::G2o | Format::Pyfg));
+        return if has_tags { with_skipping(error) } else { error.into() };
     };
     let command = match entry.content {
         Content::Bundle => "solve bundle",
@@ -161,7 +161,7 @@ pub(super) fn extension(format: TrajectoryFormat) -> &'static str {
     Format::Trajectory(format).entry().extensions.first().copied().unwrap_or_default()
 }
 
-/// An error of a g2o file; where a tag is not read, with the flag that skips its lines.
+/// An error of a file of a graph; where a tag is not read, with the flag that skips its lines.
 pub(super) fn with_skipping(error: IoError) -> anyhow::Error {
     let is_unknown = matches!(error, IoError::UnknownTag { .. });
     let error = anyhow::Error::new(error);
@@ -171,7 +171,7 @@ pub(super) fn with_skipping(error: IoError) -> anyhow::Error {
     }
 }
 
-/// Warns of what the reader of a g2o file changed: a file that another program wrote may mean something
+/// Warns of what the reader of a graph changed: a file that another program wrote may mean something
 /// else.
 pub(super) fn warn_of_changes(path: &Path, changes: &G2oChanges) {
     let warn = |lines: Option<ChangedLines>, what: &str| {

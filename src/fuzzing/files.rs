@@ -12,6 +12,7 @@ use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::Format;
 use covis_solvers::io::g2o::{G2oChanges, G2oGraph, G2oReading, Indefinite};
 use covis_solvers::io::pose_matrix;
+use covis_solvers::io::pyfg::PyfgGraph;
 use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 
@@ -55,6 +56,29 @@ pub(super) fn g2o(input: &[u8]) {
             G2oGraph::Se3(file) => file.to_pose_graph().map(|graph| drop(graph.validate())),
         };
         assert!(judged.is_ok(), "a file that was read makes no graph: {judged:?}");
+    }
+}
+
+/// A pyfg file as it is, and without the lines that are not read.
+pub(super) fn pyfg(input: &[u8]) {
+    let read = PyfgGraph::parse(input, path(), false);
+    let skipped = PyfgGraph::parse(input, path(), true);
+    if let Ok((file, _)) = &read {
+        assert!(skipped.as_ref().is_ok_and(|(same, tags)| same == file && tags.is_empty()));
+    }
+    for (file, _) in [read, skipped].into_iter().flatten() {
+        let again = PyfgGraph::parse(&file.to_bytes(), path(), false);
+        let again = again.as_ref().ok().map(|(file, _)| file);
+        assert_eq!(again, Some(&file), "what is written is read as another file");
+        let judged = match &file {
+            PyfgGraph::Se2(file) => file.to_pose_graph().map(|graph| drop(graph.validate())),
+            PyfgGraph::Se3(file) => file.to_pose_graph().map(|graph| drop(graph.validate())),
+        };
+        assert!(judged.is_ok(), "a file that was read makes no graph: {judged:?}");
+        if let Ok(g2o) = file.to_g2o() {
+            let read = G2oGraph::parse(&g2o.to_bytes(), path());
+            assert!(read.is_ok_and(|read| read == g2o), "the g2o file is read as another");
+        }
     }
 }
 

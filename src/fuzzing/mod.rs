@@ -23,7 +23,7 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 23] = [
+pub const TARGETS: [Target; 24] = [
     Target { name: "bal", run: files::bal },
     Target { name: "bundler", run: files::bundler },
     Target { name: "camera_file", run: input::camera_file },
@@ -40,6 +40,7 @@ pub const TARGETS: [Target; 23] = [
     Target { name: "map_file", run: crate::store::fuzzing::map_file },
     Target { name: "pem", run: crate::service::fuzzing::pem },
     Target { name: "pose_matrix", run: files::pose_matrix },
+    Target { name: "pyfg", run: files::pyfg },
     Target { name: "ros_message", run: input::ros_message },
     Target { name: "snapshot", run: crate::store::fuzzing::snapshot },
     Target { name: "tokens", run: crate::service::fuzzing::tokens },

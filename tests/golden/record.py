@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Runs Ceres, GTSAM and evo over every problem that the tests know and writes one JSON file a run beside this file.
 
-usage, from the project's root: python3 tests/golden/record.py [ceres|gtsam|graphs|landmarks|evo|sweeps|table …]     (default: all)
-`graphs` is the part of `gtsam` that solves pose graphs, `landmarks` that of graphs with landmarks, `sweeps` the part of `evo` that sweeps its options.
+usage, from the project's root: python3 tests/golden/record.py [ceres|gtsam|graphs|landmarks|ranges|evo|sweeps|table …]     (default: all)
+`graphs` is the part of `gtsam` that solves pose graphs, `landmarks` that of graphs with landmarks, `ranges` that of graphs with ranges, `sweeps` the part of `evo` that sweeps its options.
 Needs: numpy, gtsam and evo (pip); the Ceres harness built into target/ceres, see ../shared/peers/README.md.
 `table` only prints README.md's table from what is there. Costs are printed with 13 digits by the peers;
 `evaluated_cost` is the independent evaluator's, with 17 digits, for the solution that the peer wrote, where it can write one.
@@ -23,6 +23,8 @@ GRAPH = ("1/2 sum r' Omega r over all edges, r = Log(Z^-1 Xi^-1 Xj) in the full 
          "lowest vertex id fixed, no loss (DESIGN section 3).")
 LANDMARKS = ("1/2 sum r' Omega r: edges as in GRAPH, Log(Z^-1 X S) of priors on poses with their sensor S, S^-1 X^-1 p - z of "
              "landmarks by position, the angle between of those by bearing, differences in the world of priors on positions, no loss.")
+RANGES = ("1/2 sum r' S^-1 r with the covariances S of the file: edges as in GRAPH, Log(Z^-1 X) of priors on poses, X^-1 p - z of "
+          "landmarks by position, p - z of priors on landmarks, |a - b| - z of ranges; without priors the first pose is fixed, no loss.")
 BUNDLE = ("1/2 sum ||predicted - measured||^2 in px^2 over all observations, those behind a camera included, no loss; "
           "9 unknowns a camera (pose, f, k1, k2), free gauge (DESIGN section 3).")
 FIXED = ("1/2 sum ||predicted - measured||^2 in px^2 over all observations, those behind a camera included, no loss; "
@@ -125,9 +127,18 @@ def landmarks():
         solve(peer, file, "file-start", LANDMARKS, command, poses=lambda: some_poses(OUT))
 
 
+def ranges():
+    """Of Plaza1 the tests of the solvers write the file."""
+    peer = "GTSAM " + importlib.metadata.version("gtsam")
+    for file in (f"{TWINS}/fleet-2d.pyfg", f"{TWINS}/fleet-3d.pyfg", "target/tmp/plaza1.pyfg"):
+        command = f"python3 tests/golden/gtsam_pyfg.py {file} 200 {OUT}"
+        solve(peer, file, "file-start", RANGES, command, poses=lambda: some_poses(OUT))
+
+
 def gtsam():
     graphs()
     landmarks()
+    ranges()
     peer = "GTSAM " + importlib.metadata.version("gtsam")
     for file in BAL:
         lines, _ = run(f"python3 {PEERS}/gtsam_bal.py {file} 1")
@@ -185,5 +196,5 @@ def table():
 if __name__ == "__main__":
     sys.path.insert(0, here)
     for what in sys.argv[1:] or ["ceres", "gtsam", "evo", "table"]:
-        {"ceres": ceres, "gtsam": gtsam, "graphs": graphs, "landmarks": landmarks, "evo": evo, "sweeps": sweeps,
+        {"ceres": ceres, "gtsam": gtsam, "graphs": graphs, "landmarks": landmarks, "ranges": ranges, "evo": evo, "sweeps": sweeps,
          "table": table}[what]()

@@ -17,6 +17,7 @@ mod cli_job;
 mod cli_load;
 mod cli_map;
 mod cli_pose_graph;
+mod cli_pyfg;
 mod cli_rebuild;
 mod cli_record;
 mod cli_recorded;

@@ -244,6 +244,26 @@ pub enum IoError {
         /// How many there are.
         count: usize,
     },
+    /// A name stands where it does not fit.
+    #[error("{location}: {field} {name} {reason}")]
+    Name {
+        /// Where.
+        location: Location,
+        /// What it should name.
+        field: &'static str,
+        /// The name.
+        name: String,
+        /// Why it does not fit.
+        reason: &'static str,
+    },
+    /// A covariance is not positive definite, or too small to have an inverse.
+    #[error("{location}: the {field} is not positive definite, or too close to zero")]
+    Covariance {
+        /// Where.
+        location: Location,
+        /// "covariance" or "variance".
+        field: &'static str,
+    },
     /// A file mixes 2D and 3D records.
     #[error("{location}: `{found}` in a file of {kind} records")]
     MixedKinds {

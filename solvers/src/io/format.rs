@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::colmap::ColmapEncoding;
 use super::files;
-use super::text::Text;
+use super::text::{Line, Text};
 use super::trajectory::TrajectoryFormat;
 
 /// A format of files.
@@ -23,6 +23,8 @@ pub enum Format {
     Colmap(ColmapEncoding),
     /// A pose graph.
     G2o,
+    /// A pose graph with ranges and named variables.
+    Pyfg,
     /// Points for viewers; is written only.
     Ply,
 }
@@ -68,7 +70,7 @@ const fn entry(
 }
 
 /// Every format.
-pub static FORMATS: [Entry; 9] = [
+pub static FORMATS: [Entry; 10] = [
     entry(
         Format::Trajectory(TrajectoryFormat::Tum),
         "tum",
@@ -113,6 +115,13 @@ pub static FORMATS: [Entry; 9] = [
         "folder with COLMAP's sparse model",
     ),
     entry(Format::G2o, "g2o", Content::PoseGraph, &["g2o"], "pose graph"),
+    entry(
+        Format::Pyfg,
+        "pyfg",
+        Content::PoseGraph,
+        &["pyfg", "pfg"],
+        "PyFactorGraph's pose graph with ranges",
+    ),
     entry(Format::Ply, "ply", Content::Points, &["ply"], "points and paths for viewers"),
 ];
 
@@ -169,6 +178,9 @@ impl Format {
         }
         let Some(mut line) = Text::new(bytes, Path::new("")).record() else { return unknown };
         let first = line.word().unwrap_or_default();
+        if is_of_pyfg(first, line) {
+            return Self::Pyfg;
+        }
         let tags = [&b"VERTEX_"[..], b"EDGE_", b"FIX", b"PARAMS_"];
         // g2o's reader takes TORO's lines too.
         let toro = [&b"VERTEX2"[..], b"EDGE2", b"VERTEX3", b"EDGE3"];
@@ -178,6 +190,14 @@ impl Format {
         let more = std::iter::from_fn(|| line.word()).take(3).count();
         if more == 2 { Self::Bal } else { Self::Trajectory(TrajectoryFormat::of_bytes(bytes)) }
     }
+}
+
+/// Whether a record of a graph has names, which are letters and numbers, in place of ids.
+fn is_of_pyfg(tag: &[u8], mut line: Line<'_>) -> bool {
+    // Landmarks have no time before their name.
+    let is_name = |word: &[u8]| word.first().is_some_and(u8::is_ascii_alphabetic);
+    let is_graph = tag.starts_with(b"VERTEX_") || tag.starts_with(b"EDGE_");
+    is_graph && std::iter::from_fn(|| line.word()).take(2).any(is_name)
 }
 
 impl Content {
@@ -220,6 +240,9 @@ mod tests {
         assert_eq!(told("a.txt", "# Bundle file v0.3\n1 1\n"), "bundler");
         assert_eq!(told("a.txt", "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"), "g2o");
         assert_eq!(told("a.graph", "VERTEX2 0 1 2 3\n"), "g2o");
+        assert_eq!(told("a.PFG", "VERTEX_SE2 0 0 0 0\n"), "pyfg");
+        assert_eq!(told("a.txt", "VERTEX_SE2 0.0 A0 0 0 0\n"), "pyfg");
+        assert_eq!(told("a.txt", "VERTEX_XY L0 11 19\n"), "pyfg");
         assert_eq!(told("a.txt", ""), "tum");
     }
 

@@ -1,4 +1,4 @@
-//! Files: BAL, Bundler, COLMAP sparse models, g2o, trajectories of TUM, KITTI and EuRoC, pose matrices,
+//! Files: BAL, Bundler, COLMAP sparse models, g2o, PyFactorGraph, trajectories of TUM, KITTI and EuRoC, pose matrices,
 //! PLY.
 //!
 //! Each format has a plain struct that holds the file's own numbers and writes them back, and a
@@ -13,15 +13,17 @@
 //! | `bal`, `bundler`, `colmap` | bundle adjustment problems |
 //! | `sparse_model`, `down_z` | the way between these; cameras that look down −z |
 //! | `g2o` | pose graphs |
+//! | `pyfg` | pose graphs with ranges and named variables |
 //! | `trajectory`, `pose_matrix` | TUM, KITTI and EuRoC; one matrix a file |
 //! | `ply` | written only |
 //! | `format` | the list of formats, and how one is recognized |
 //! | `reading` | memory of a reading, before it |
-//! | `text`, `binary`, `files`, `rotation`, `natural_order`, `error` | what readers and writers share |
+//! | `text`, `binary`, `files`, `rotation`, `symmetric`, `changed_lines`, `natural_order`, `error` | what they share |
 
 pub mod bal;
 mod binary;
 pub mod bundler;
+mod changed_lines;
 pub mod colmap;
 mod down_z;
 mod error;
@@ -31,9 +33,11 @@ pub mod g2o;
 mod natural_order;
 pub mod ply;
 pub mod pose_matrix;
+pub mod pyfg;
 pub mod reading;
 mod rotation;
 pub mod sparse_model;
+mod symmetric;
 mod text;
 pub mod trajectory;
 

@@ -177,6 +177,11 @@ impl<'a> Line<'a> {
 
     /// The next word as an integer.
     pub(super) fn integer<T: FromStr>(&mut self, field: impl Display) -> Result<T, IoError> {
+        self.parsed(field)
+    }
+
+    /// The next word as what its type makes of it.
+    pub(super) fn parsed<T: FromStr>(&mut self, field: impl Display) -> Result<T, IoError> {
         let word = self.word();
         integer(word, &field, || self.location())
     }

@@ -53,12 +53,21 @@ impl Piece {
     /// One readable line for a list of pieces, the first five spelled out.
     #[must_use]
     pub fn describe(pieces: &[Self]) -> String {
+        Self::describe_as(pieces, |id| id.to_string())
+    }
+
+    /// As [`Self::describe`], with a name for each id.
+    #[must_use]
+    pub fn describe_as(pieces: &[Self], name: impl Fn(i64) -> String) -> String {
         let mut parts: Vec<String> = pieces
             .iter()
             .take(5)
             .map(|p| match p.size {
-                1 => format!("vertex {}", p.lowest_id),
-                n => format!("{n} vertices from {} to {}", p.lowest_id, p.highest_id),
+                1 => format!("vertex {}", name(p.lowest_id)),
+                n => {
+                    let (lowest, highest) = (name(p.lowest_id), name(p.highest_id));
+                    format!("{n} vertices from {lowest} to {highest}")
+                }
             })
             .collect();
         if pieces.len() > parts.len() {

@@ -17,6 +17,7 @@ mod jacobians;
 mod landmarks;
 mod priors;
 mod ranges;
+mod ranges_of_files;
 mod recovery;
 mod similarity;
 mod start;

@@ -4,24 +4,18 @@
 //!
 //! The diagnosis is made at the solution and after the clock has stopped.
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
 use covis_solvers::certificate::Certificate;
 use covis_solvers::geometry::LieGroup;
-use covis_solvers::io::IoError;
-use covis_solvers::io::format::Content;
-use covis_solvers::io::g2o::{
-    ChangedLines, G2oChanges, G2oGraph, G2oReading, Indefinite, RepairedEdges,
-};
+use covis_solvers::io::g2o::{ChangedLines, G2oChanges, RepairedEdges};
 use covis_solvers::loss::Loss;
 use covis_solvers::pose_graph::{self, Undetermined};
 use covis_solvers::problem::{PoseGraph, SolveError};
 use covis_solvers::robust::RobustSummary;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
+use super::graph_file::{Naming, Vertex};
 use super::report::Details;
-use crate::cli::formats::{warn_of_changes, with_kind};
 
 /// Facts of a pose graph's solve.
 #[derive(Debug, Serialize)]
@@ -43,6 +37,8 @@ pub(super) struct GraphDetails {
     pub(super) landmarks: usize,
     #[serde(skip_serializing_if = "is_zero")]
     pub(super) landmark_measurements: usize,
+    #[serde(skip_serializing_if = "is_zero")]
+    pub(super) ranges: usize,
     /// On poses and their positions; those on landmarks are measurements of them.
     #[serde(skip_serializing_if = "is_zero")]
     pub(super) priors: usize,
@@ -85,8 +81,8 @@ pub(super) struct RobustDetails {
 struct SwitchedOff {
     /// Position among the file's edges, from 0.
     edge: usize,
-    i: i64,
-    j: i64,
+    i: Vertex,
+    j: Vertex,
     chi2: f64,
     weight: f64,
 }
@@ -97,6 +93,9 @@ impl Details for GraphDetails {
         if self.landmarks > 0 {
             let (landmarks, measured) = (self.landmarks, self.landmark_measurements);
             size += &format!(", {landmarks} landmarks, {measured} measurements of them");
+        }
+        if self.ranges > 0 {
+            size += &format!(", {} ranges", self.ranges);
         }
         if self.priors > 0 {
             size += &format!(", {} priors", self.priors);
@@ -125,11 +124,12 @@ impl RobustDetails {
         graph: &PoseGraph<G, N>,
         kernel: &'static str,
         solved: &RobustSummary,
+        naming: Naming,
     ) -> Self {
         let off = solved.closures.iter().filter(|verdict| verdict.is_switched_off);
         let switched_off = off.map(|verdict| {
             let edge = &graph.edges[verdict.edge];
-            let (i, j) = (graph.ids[edge.i], graph.ids[edge.j]);
+            let (i, j) = (naming(graph.ids[edge.i]), naming(graph.ids[edge.j]));
             // At the poses that are reported, which `--certify` may have moved since the verdict.
             let chi2 = edge.chi2(&graph.poses[edge.i], &graph.poses[edge.j]);
             SwitchedOff { edge: verdict.edge, i, j, chi2, weight: verdict.weight }
@@ -180,10 +180,10 @@ const PLANE: [&str; 3] = ["x", "y", "rotation"];
 const SPACE: [&str; 6] = ["x", "y", "z", "rotation x", "rotation y", "rotation z"];
 
 /// Part of the report's details.
-#[derive(Debug, Default, Serialize)]
+#[derive(Debug, Serialize)]
 pub(super) struct Diagnosis {
-    /// Ids of the vertices that were held fixed.
-    gauge: Vec<i64>,
+    /// The vertices that were held fixed.
+    gauge: Vec<Vertex>,
     /// Lines whose quaternion was far from norm 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     normalized: Option<Changed>,
@@ -199,6 +199,9 @@ pub(super) struct Diagnosis {
     /// Vertices that the edges leave open.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     undetermined: Vec<Open>,
+    /// Of the file.
+    #[serde(skip)]
+    naming: Naming,
 }
 
 /// Lines that the reader changed.
@@ -228,21 +231,8 @@ struct FirstRepaired {
 /// A vertex and the tangent directions in which it has no information.
 #[derive(Debug, Serialize)]
 struct Open {
-    id: i64,
+    id: Vertex,
     directions: Vec<Vec<f64>>,
-}
-
-/// Reads a file and warns of what was changed without being asked for, or was skipped.
-pub(super) fn read(path: &Path, reading: G2oReading) -> anyhow::Result<(G2oGraph, Diagnosis)> {
-    match G2oGraph::read_with(path, reading) {
-        Ok((file, changes)) => {
-            warn_of_changes(path, &changes);
-            Ok((file, Diagnosis::new(&changes, reading.indefinite == Indefinite::Repair)))
-        }
-        Err(error @ IoError::IndefiniteInformation { .. }) => Err(anyhow::Error::new(error)
-            .context("--repair-information takes the nearest positive semi-definite matrices")),
-        Err(error) => Err(with_kind(error, path, Content::PoseGraph)),
-    }
 }
 
 impl Repaired {
@@ -257,8 +247,8 @@ impl Repaired {
 }
 
 impl Diagnosis {
-    /// What the reader changed.
-    fn new(changes: &G2oChanges, repair: bool) -> Self {
+    /// What the reader changed in a file that calls its vertices so.
+    pub(super) fn new(changes: &G2oChanges, repair: bool, naming: Naming) -> Self {
         let changed = |ChangedLines { count, first_line }| Changed { count, first_line };
         let skipped = changes.skipped.iter().map(|(tag, lines)| (tag.clone(), changed(*lines)));
         Self {
@@ -266,7 +256,9 @@ impl Diagnosis {
             self_edges: changes.self_edges.map(changed),
             skipped: skipped.collect(),
             repaired: repair.then(|| Repaired::new(changes.repaired)),
-            ..Self::default()
+            gauge: Vec::new(),
+            undetermined: Vec::new(),
+            naming,
         }
     }
 
@@ -278,11 +270,11 @@ impl Diagnosis {
         let poses = graph.ids.iter().zip(&graph.constant);
         let landmarks = graph.landmarks.ids.iter().zip(&graph.landmarks.constant);
         let held = poses.chain(landmarks).filter(|&(_, &constant)| constant);
-        self.gauge = held.map(|(&id, _)| id).collect();
+        self.gauge = held.map(|(&id, _)| (self.naming)(id)).collect();
         let open = pose_graph::undetermined(graph)?.into_iter();
         self.undetermined = open
             .map(|Undetermined { id, directions }| Open {
-                id,
+                id: (self.naming)(id),
                 directions: directions.iter().map(|d| d.as_slice().to_vec()).collect(),
             })
             .collect();

@@ -6,6 +6,7 @@ use covis_solvers::problem::PoseGraph;
 use covis_solvers::robust::ClosureVerdict;
 use nalgebra::Vector3;
 
+use super::graph_file::Naming;
 use crate::cli::html::solve::{Residuals, residuals};
 use crate::report::{Link, Page, Plan, Table, number, views};
 
@@ -27,6 +28,7 @@ impl GraphPage {
         given: Option<&Self>,
         graph: &PoseGraph<G, N>,
         verdicts: &[ClosureVerdict],
+        naming: Naming,
         page: &mut Page,
     ) {
         let kind = Residuals {
@@ -85,7 +87,7 @@ impl GraphPage {
                 (true, true) => "found false, contradicted by odometry only",
             };
             vec![
-                format!("{} to {}", graph.ids[edge.i], graph.ids[edge.j]),
+                format!("{} to {}", naming(graph.ids[edge.i]), naming(graph.ids[edge.j])),
                 number(verdict.chi2),
                 number(verdict.weight),
                 name.to_owned(),

@@ -19,6 +19,7 @@ use covis_solvers::problem::PoseGraph;
 use serde::Serialize;
 
 use super::graph_details::Diagnosis;
+use super::graph_file::{Naming, with_names};
 use super::report::print_lines;
 use crate::cli::html;
 use crate::cli::output::print;
@@ -79,8 +80,9 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     group: &'static str,
     mut diagnosis: Diagnosis,
+    naming: Naming,
 ) -> anyhow::Result<Incremental> {
-    graph.validate()?;
+    graph.validate().map_err(|error| with_names(error, naming))?;
     let mut order: Vec<usize> = (0..graph.ids.len()).collect();
     order.sort_unstable_by_key(|&pose| graph.ids[pose]);
     let mut rank = vec![0; order.len()];
@@ -89,9 +91,9 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     }
     if let Some(&pose) = order.iter().skip(1).find(|&&pose| graph.constant[pose]) {
         anyhow::bail!(
-            "--incremental holds vertex {} fixed, and the file's FIX names vertex {}",
-            graph.ids[order[0]],
-            graph.ids[pose]
+            "--incremental holds vertex {} fixed, and the file holds vertex {} (FIX, or its first pose)",
+            naming(graph.ids[order[0]]),
+            naming(graph.ids[pose])
         );
     }
     let mut due: Vec<Vec<RelativePose<G, N>>> = vec![Vec::new(); order.len()];

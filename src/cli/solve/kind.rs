@@ -41,16 +41,21 @@ fn kind_of(path: &Path) -> Option<&'static str> {
     if path.is_dir() {
         return Some(BUNDLE);
     }
+    match format_of(path).entry().content {
+        Content::Bundle => Some(BUNDLE),
+        Content::PoseGraph => Some(POSE_GRAPH),
+        Content::Trajectory | Content::Points => None,
+    }
+}
+
+/// The format of a file, by its name or its head.
+pub(super) fn format_of(path: &Path) -> Format {
     let mut head = Vec::new();
     if let Ok(file) = fs::File::open(path) {
         // The rest of a file that cannot be read is missed by the command, which says so.
         let _read = file.take(HEAD_BYTES).read_to_end(&mut head);
     }
-    match Format::of_file(path, &head).entry().content {
-        Content::Bundle => Some(BUNDLE),
-        Content::PoseGraph => Some(POSE_GRAPH),
-        Content::Trajectory | Content::Points => None,
-    }
+    Format::of_file(path, &head)
 }
 
 #[cfg(test)]

@@ -8,13 +8,14 @@
 //! | file | role |
 //! |---|---|
 //! | `bundle`, `rebuild` | bundle adjustment, and poses and points from the observations |
-//! | `pose_graph`, `incremental` | g2o files, as a whole or vertex by vertex |
-//! | `arguments`, `kind` | flags that both share; which of both a file is for |
+//! | `pose_graph`, `incremental` | files of graphs, as a whole or vertex by vertex |
+//! | `arguments`, `kind`, `graph_file` | flags that both share; which of both a file is for; graphs by format |
 //! | `report`, `residuals`, `graph_details`, `graph_page` | what is printed, and the pages |
 
 mod arguments;
 mod bundle;
 mod graph_details;
+mod graph_file;
 mod graph_page;
 mod incremental;
 mod kind;
@@ -39,7 +40,7 @@ pub(super) struct Args {
 enum Problem {
     /// Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model.
     Bundle(bundle::Args),
-    /// A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed.
+    /// A g2o or pyfg pose graph, SE2 or SE3; its first vertex (of g2o the lowest id) is held fixed.
     PoseGraph(pose_graph::Args),
 }
 

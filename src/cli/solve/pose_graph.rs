@@ -1,7 +1,8 @@
-//! `covis solve pose-graph`: a g2o file in SE(2) or SE(3).
+//! `covis solve pose-graph`: a g2o or pyfg file in SE(2) or SE(3).
 //!
-//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the cost of priors and of measured landmarks.
-//! The lowest id is fixed unless the file has `FIX` lines or priors, which hold the graph then. With `--repair-information` Ω is the nearest positive
+//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the cost of priors, measured landmarks and
+//! ranges. The lowest id (of pyfg the first pose) is fixed unless the file has `FIX` lines or priors, which
+//! hold the graph then. With `--repair-information` Ω is the nearest positive
 //! semi-definite matrix, and that is what `--out` writes. The reported time includes the start.
 //! With `--robust` the cost is over odometry and the loop closures at their weights, and the rows
 //! are of the last solve. With `--certify` that solve starts from the optimum of the chordal
@@ -20,11 +21,13 @@ use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::IoError;
 use covis_solvers::io::g2o::{G2oGraph, G2oReading, Indefinite};
+use covis_solvers::io::pyfg::PyfgGraph;
 use covis_solvers::optimizer::{IterationSummary, Method, Termination, Tolerance};
 use covis_solvers::problem::PoseGraph;
 
 use super::arguments::{KERNELS, METHODS, Robust, STARTS, Shared};
-use super::graph_details::{self, CertificateDetails, Diagnosis, GraphDetails, RobustDetails};
+use super::graph_details::{CertificateDetails, Diagnosis, GraphDetails, RobustDetails};
+use super::graph_file::{GraphFile, Naming, Vertex, with_names};
 use super::graph_page::GraphPage;
 use super::incremental;
 use super::report::{Report, Solved};
@@ -36,7 +39,7 @@ use crate::cli::progress::Working;
 /// Arguments of `covis solve pose-graph`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// A g2o file with SE2 or SE3 records, landmarks and priors.
+    /// A g2o or pyfg file with SE2 or SE3 records, landmarks, ranges and priors.
     #[arg(value_name = "FILE")]
     input: PathBuf,
     #[command(flatten)]
@@ -54,7 +57,7 @@ pub(super) struct Args {
     /// Largest χ² of a true closure [default: the 99 % quantile, 11.3 in SE2 and 16.8 in SE3].
     #[arg(long, value_name = "CHI2")]
     robust_threshold: Option<f64>,
-    /// A loop closure that `--robust` must trust, by the ids of its two vertices; may be repeated.
+    /// A loop closure that `--robust` must trust, by the ids or names of its two vertices; may be repeated.
     #[arg(long, value_name = "FROM,TO", value_parser = ends, requires = "robust")]
     trusted: Vec<(i64, i64)>,
     /// Start from the optimum of SE-Sync's chordal objective (no loss, isotropic weights) and prove
@@ -83,24 +86,38 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     let working = Working::new(format_args!("reading {}", args.input.display()));
     let indefinite = if args.repair_information { Indefinite::Repair } else { Indefinite::Refuse };
     let reading = G2oReading { indefinite, skip_unknown: args.skip_unknown };
-    let (file, diagnosis) = graph_details::read(&args.input, reading)?;
+    let (file, changes) = GraphFile::read(&args.input, reading)?;
+    let naming = file.naming();
+    let diagnosis = Diagnosis::new(&changes, args.repair_information, naming);
     drop(working);
-    let start = Instant::now();
-    let from_file = file.has_vertices();
+    let (start, from_file) = (Instant::now(), file.has_vertices());
+    let run = |group| Run { args, start, from_file, group, naming };
     let name = || args.input.display().to_string();
     match file {
-        G2oGraph::Se2(mut file) => {
+        GraphFile::G2o(G2oGraph::Se2(mut file)) => {
             let graph = file.to_pose_graph().with_context(name)?;
-            let run = Run { args, start, from_file, group: "SE2" };
-            run.solve(graph, diagnosis, |graph, out| {
+            run("SE2").solve(graph, diagnosis, |graph, out| {
                 file.update_from(graph)?;
                 file.write(out)
             })
         }
-        G2oGraph::Se3(mut file) => {
+        GraphFile::G2o(G2oGraph::Se3(mut file)) => {
             let graph = file.to_pose_graph().with_context(name)?;
-            let run = Run { args, start, from_file, group: "SE3" };
-            run.solve(graph, diagnosis, |graph, out| {
+            run("SE3").solve(graph, diagnosis, |graph, out| {
+                file.update_from(graph)?;
+                file.write(out)
+            })
+        }
+        GraphFile::Pyfg(PyfgGraph::Se2(mut file)) => {
+            let graph = file.to_pose_graph().with_context(name)?;
+            run("SE2").solve(graph, diagnosis, |graph, out| {
+                file.update_from(graph)?;
+                file.write(out)
+            })
+        }
+        GraphFile::Pyfg(PyfgGraph::Se3(mut file)) => {
+            let graph = file.to_pose_graph().with_context(name)?;
+            run("SE3").solve(graph, diagnosis, |graph, out| {
                 file.update_from(graph)?;
                 file.write(out)
             })
@@ -114,6 +131,7 @@ struct Run<'a> {
     start: Instant,
     from_file: bool,
     group: &'static str,
+    naming: Naming,
 }
 
 impl Run<'_> {
@@ -130,9 +148,9 @@ impl Run<'_> {
         graph.loss = shared.loss;
         graph.hold_gauge();
         if self.args.incremental {
-            let is_plain = graph.landmarks.is_empty() && !graph.has_priors();
-            ensure!(is_plain, "--incremental: {} has landmarks or priors", self.name());
-            let solved = incremental::solve(graph, self.group, diagnosis);
+            let is_plain = !graph.has_measured() && !graph.has_priors();
+            ensure!(is_plain, "--incremental: {} has landmarks, ranges or priors", self.name());
+            let solved = incremental::solve(graph, self.group, diagnosis, self.naming);
             let incremental = solved.with_context(|| self.name())?;
             shared.out.as_deref().map_or(Ok(()), |out| write(graph, out))?;
             shared.report.write(|| incremental.page(&title))?;
@@ -142,7 +160,8 @@ impl Run<'_> {
         }
         let kernel = self.args.robust;
         let judging = |kernel| {
-            let trusted = trusted(graph, &self.args.trusted).with_context(|| self.name())?;
+            let trusted = trusted(graph, &self.args.trusted, self.naming);
+            let trusted = trusted.with_context(|| self.name())?;
             let threshold = self.args.robust_threshold;
             anyhow::Ok(Judging { kernel, threshold, trusted, trust_odometry: false })
         };
@@ -162,6 +181,7 @@ impl Run<'_> {
         let mut report = Report::start(shared.json, self.start.elapsed());
         let rows = &mut |row: &IterationSummary| report.observe(row);
         let optimized = optimize(graph, self.from_file, &options, &Interrupt::NEVER, rows)
+            .map_err(|error| with_names(error, self.naming))
             .with_context(|| self.name())?;
         let Optimized { solve: summary, start, start_seconds, judged, proof, .. } = optimized;
         // Of all edges, those that are judged false included: their share shows.
@@ -174,8 +194,9 @@ impl Run<'_> {
             method: name_of(METHODS, &self.args.method),
             init: name_of(STARTS, &start),
             init_seconds: start_seconds,
-            robust: judged
-                .map(|judged| RobustDetails::new(graph, name_of(KERNELS, &kernel), &judged)),
+            robust: judged.map(|judged| {
+                RobustDetails::new(graph, name_of(KERNELS, &kernel), &judged, self.naming)
+            }),
             certificate: proof.map(|proof| {
                 CertificateDetails::new(&proof.certificate, graph.loss, proof.seconds)
             }),
@@ -183,6 +204,7 @@ impl Run<'_> {
             edges: graph.edges.len(),
             landmarks: graph.landmarks.len(),
             landmark_measurements: graph.landmarks.measurements.len(),
+            ranges: graph.ranges.len(),
             priors: graph.pose_priors.len() + graph.position_priors.len(),
             diagnosis,
         };
@@ -191,7 +213,7 @@ impl Run<'_> {
         shared.out.as_deref().map_or(Ok(()), |out| write(graph, out))?;
         shared.report.write(|| {
             let mut page = report.page(&title, &outcome);
-            GraphPage::of(graph).show(given.as_ref(), graph, &verdicts, &mut page);
+            GraphPage::of(graph).show(given.as_ref(), graph, &verdicts, self.naming, &mut page);
             page
         })?;
         report.finish(&outcome)?;
@@ -204,18 +226,19 @@ impl Run<'_> {
     }
 }
 
-/// Reads `FROM,TO`.
+/// Reads `FROM,TO`, each an id or a name.
 fn ends(text: &str) -> Result<(i64, i64), String> {
     let ends = text
         .split_once(',')
-        .and_then(|(from, to)| Some((from.trim().parse().ok()?, to.trim().parse().ok()?)));
-    ends.ok_or_else(|| format!("`{text}` is not two ids with a comma between them"))
+        .and_then(|(from, to)| Some((Vertex::id_of(from.trim())?, Vertex::id_of(to.trim())?)));
+    ends.ok_or_else(|| format!("`{text}` is not two ids or names with a comma between them"))
 }
 
 /// The edges between the given ids, in either direction.
 fn trusted<G, const N: usize>(
     graph: &PoseGraph<G, N>,
     pairs: &[(i64, i64)],
+    naming: Naming,
 ) -> anyhow::Result<Vec<usize>> {
     let mut trusted = BTreeSet::new();
     for &(from, to) in pairs {
@@ -225,7 +248,8 @@ fn trusted<G, const N: usize>(
         };
         let found: Vec<usize> =
             graph.edges.iter().enumerate().filter(ties).map(|(index, _)| index).collect();
-        anyhow::ensure!(!found.is_empty(), "--trusted {from},{to}: no edge connects these two");
+        let (from, to) = (naming(from), naming(to));
+        ensure!(!found.is_empty(), "--trusted {from},{to}: no edge connects these two");
         trusted.extend(found);
     }
     Ok(trusted.into_iter().collect())

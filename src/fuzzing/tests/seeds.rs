@@ -17,6 +17,7 @@ pub(super) fn all() -> Vec<Seed> {
     };
     put("bal", texts(&BAL));
     put("g2o", texts(&G2O));
+    put("pyfg", texts(&PYFG));
     put("trajectory", texts(&TRAJECTORY));
     put("pose_matrix", texts(&POSE_MATRIX));
     put("config", texts(&CONFIG));
@@ -77,6 +78,29 @@ const G2O: [(&str, &str); 8] = [
         "EDGE_SE3:QUAT 0 7 1 2 3 0 0 0.6 0.8 1 9 0 0 0 0 1 0 0 0 0 1 0 0 0 -1 0 0 1 0 1\n",
     ),
     ("extreme", "EDGE_SE2 0 1 1e308 0 1e17 1e308 1e300 -1e-308 1e308 5e-324 1e308\n"),
+];
+
+const PYFG: [(&str, &str); 4] = [
+    (
+        "plane",
+        "VERTEX_SE2 0.000000000 A0 0.0 0.0 0.0\nVERTEX_SE2 1e9 A1 1 0 0.1\nVERTEX_XY L0 11.0 19.0\n\
+         VERTEX_SE2:PRIOR 0 A1 1 0 0 0.1 0 0 0.1 0 0.2\nVERTEX_XY:PRIOR 0 L0 1 2 0.1 0 0.1\n\
+         EDGE_SE2 0 A0 A1 1.0 0.0 0.0 1.0 0.0 -0.0 1.0 -0.0 1.0\n\
+         EDGE_SE2_XY 0 A0 L0 1 2 0.1 0.01 0.1\nEDGE_RANGE 0.0 A1 L0 21.470910554 1.0\n",
+    ),
+    (
+        "space",
+        "VERTEX_SE3:QUAT 1 A0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1.5 B7 1 2 3 0.5 0.5 0.5 0.5\n\
+         VERTEX_XYZ L1 1 2 3\nVERTEX_XYZ:PRIOR 2 L1 1 2 3 1 0 0 1 0 1\n\
+         VERTEX_SE3:QUAT:PRIOR 1 A0 0 0 0 0 0 0 1 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n\
+         EDGE_SE3:QUAT 1 A0 B7 1 2 3 0 0 0.6 0.8 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n\
+         EDGE_SE3_XYZ 1 B7 L1 1 2 3 1 0 0 1 0 1\nEDGE_RANGE 0 A0 B7 3.7 0.01\n",
+    ),
+    (
+        "landmarks",
+        "# no pose\nVERTEX_XY L0 11 19\nVERTEX_XY L1 11 21\nEDGE_RANGE 0.0 L0 L1 2.0 1.0\n",
+    ),
+    ("extreme", "VERTEX_SE2 -1e-308 z281474976710655 1e308 0 1e17\nEDGE_NEW 1 2\n"),
 ];
 
 const TRAJECTORY: [(&str, &str); 6] = [

@@ -14,6 +14,8 @@ grid-100-edges.g2o   SE(2), edges only, a blank line in the middle: the start ha
 park-80.g2o          SE(2) with landmarks: a loop among 25 trees, seen by position or by bearing; two trees are surveyed
                      (one fixed, one by a prior), and some poses have priors of all of them or of their position
 hall-60.g2o          SE(3) with landmarks: two sensors off the body, full information, priors of the body and of a sensor
+fleet-2d.pyfg, fleet-3d.pyfg   two robots with ranges to beacons, between beacons and to each other, which alone tie the
+                     robots together; beacons seen by position; a prior of a pose and one of a beacon in 3D, none in 2D
 colmap-room/         COLMAP text model: 6 images, 60 points, one OPENCV and one SIMPLE_RADIAL camera; image ids have
                      gaps and their order is not that of the names (frame_2 before frame_10)
 walk-truth.txt, walk-estimate.txt   TUM trajectories at 30 Hz and about 22 Hz with jitter, in frames of their own
@@ -308,6 +310,74 @@ def hall(path):
         f.write("\n".join(lines) + "\n")
 
 
+def fleet(path, space):
+    rng = np.random.default_rng(40 + space)
+    steps, flat = 30, space == 2
+    tags = ("SE2", "XY", "SE2_XY") if flat else ("SE3:QUAT", "XYZ", "SE3_XYZ")
+    compose = compose_se2 if flat else lambda a, b: (a[0] @ b[0], a[0] @ b[1] + a[1])
+    inverse = lambda a: (a[0].T, -a[0].T @ a[1])
+    relative = relative_se2 if flat else lambda a, b: compose(inverse(a), b)
+    at = (lambda a: a[:2]) if flat else (lambda a: a[1])
+    exp = (lambda xi: xi) if flat else (lambda xi: (exp_so3(xi[3:]), xi[:3]))
+    put = (lambda a: numbers(a, 9)) if flat else (lambda a: f"{numbers(a[1], 9)} {numbers(quaternion(a[0]), 12)}")
+    rotated = (lambda a, p: np.array([[np.cos(a[2]), np.sin(a[2])], [-np.sin(a[2]), np.cos(a[2])]]) @ (p - a[:2])) if flat \
+        else (lambda a, p: a[0].T @ (p - a[1]))
+
+    def covariance(sigmas):
+        """Correlated, with about these standard deviations."""
+        a = np.diag(sigmas) @ (np.eye(len(sigmas)) + rng.uniform(-0.3, 0.3, (len(sigmas),) * 2))
+        return a @ a.T
+
+    def spelled(m):
+        return " ".join(f"{m[r, c]:.12e}" for r in range(len(m)) for c in range(r, len(m)))
+
+    def noise(m):
+        return np.linalg.cholesky(m) @ rng.normal(size=len(m))
+
+    truth, start, lines = {}, {}, {"edge": [], "range": [], "seen": [], "prior": []}
+    odometry = covariance((0.05, 0.03, 0.02) if flat else (0.05, 0.03, 0.04, 0.01, 0.01, 0.02))
+    for robot, (center, phase) in {"A": (-2.0, 0.0), "B": (2.0, 2.5)}.items():
+        for k in range(steps):
+            a = phase + 2.2 * np.pi * k / steps
+            p = np.array([center + 6 * np.cos(a), 5 * np.sin(a), 1 + 0.8 * np.sin(3 * a)])
+            heading = a + 1.6
+            truth[robot, k] = np.array([p[0], p[1], wrap(heading)]) if flat else \
+                (exp_so3(np.array([0.1 * np.sin(a), 0.2 * np.cos(2 * a), heading])), p)
+        start[robot, 0] = compose(truth[robot, 0], exp(0.02 * rng.normal(size=3 if flat else 6)))
+        for k in range(1, steps):
+            z = compose(relative(truth[robot, k - 1], truth[robot, k]), exp(noise(odometry)))
+            start[robot, k] = compose(start[robot, k - 1], z)
+            lines["edge"].append(f"EDGE_{tags[0]} {k / 2 - 0.25} {robot}{k - 1} {robot}{k} {put(z)} {spelled(odometry)}")
+    beacons = rng.uniform([-9, -8, 0][:space], [9, 8, 4][:space], (5, space))
+    length = lambda a, b, sigma: np.linalg.norm(a - b) + sigma * rng.normal()
+    for (robot, k), x in truth.items():
+        for n, p in enumerate(beacons):
+            if (k + n) % 3 == 0:
+                ends = f"{robot}{k} L{n}" if n % 2 else f"L{n} {robot}{k}"
+                lines["range"].append(f"EDGE_RANGE {k / 2} {ends} {length(at(x), p, 0.1):.9f} 0.01")
+        if robot == "A":
+            other = 29 - k
+            distance = length(at(x), at(truth["B", other]), 0.05)
+            lines["range"].append(f"EDGE_RANGE {k / 2} A{k} B{other} {distance:.9f} 0.0025")
+    lines["range"].append(f"EDGE_RANGE 0 L0 L3 {length(beacons[0], beacons[3], 0.02):.9f} 0.0004")
+    sight = covariance((0.1, 0.08, 0.12)[:space])
+    for robot, k, n in (("A", 3, 0), ("A", 17, 2), ("B", 8, 4), ("B", 21, 1)):
+        z = rotated(truth[robot, k], beacons[n]) + noise(sight)
+        lines["seen"].append(f"EDGE_{tags[2]} {k / 2} {robot}{k} L{n} {numbers(z, 9)} {spelled(sight)}")
+    if not flat:
+        whole, surveyed = covariance((0.1, 0.1, 0.1, 0.03, 0.04, 0.05)), covariance((0.1, 0.1, 0.1))
+        z = compose(truth["A", 4], exp(noise(whole)))
+        lines["prior"].append(f"VERTEX_SE3:QUAT:PRIOR 2 A4 {put(z)} {spelled(whole)}")
+        lines["prior"].append(f"VERTEX_XYZ:PRIOR 0 L2 {numbers(beacons[2] + noise(surveyed), 9)} {spelled(surveyed)}")
+    with open(path, "w") as f:
+        for (robot, k), x in start.items():
+            f.write(f"VERTEX_{tags[0]} {1700000000 + k // 2}.{'500000123' if k % 2 else '000000123'} {robot}{k} {put(x)}\n")
+        for n, p in enumerate(beacons):
+            f.write(f"VERTEX_{tags[1]} L{n} {numbers(p + rng.normal(0, 0.4, space), 9)}\n")
+        for kind in ("prior", "edge", "seen", "range"):
+            f.write("".join(line + "\n" for line in lines[kind]))
+
+
 # ---------------------------------------------------------------- COLMAP
 
 
@@ -435,6 +505,8 @@ def main():
     grid(inside("grid-100-edges.g2o"), 100, 101, False)
     park(inside("park-80.g2o"))
     hall(inside("hall-60.g2o"))
+    fleet(inside("fleet-2d.pyfg"), 2)
+    fleet(inside("fleet-3d.pyfg"), 3)
     room(inside("colmap-room"))
     walk(inside("walk-truth.txt"), inside("walk-estimate.txt"))
     mono(inside("mono-truth.txt"), inside("mono-estimate.txt"))

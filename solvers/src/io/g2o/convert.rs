@@ -7,9 +7,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::Vector3;
 
 use super::super::rotation::{from_xyzw, to_xyzw};
+use super::super::symmetric::{symmetric, upper_triangle};
 use super::super::{IoError, Location};
 use super::landmarks::{add_measurements, put_measurements};
 use super::{G2oEdge, G2oFile, G2oPoint, G2oSe2, G2oSe3, G2oVertex};
@@ -49,29 +50,6 @@ impl G2oPose<6, 7> for Se3 {
     }
 }
 
-/// The symmetric matrix of an upper triangle, row by row.
-pub(super) fn symmetric<const N: usize, const U: usize>(upper: &[f64; U]) -> SMatrix<f64, N, N> {
-    let mut matrix = SMatrix::<f64, N, N>::zeros();
-    let entries = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
-    for ((row, column), &entry) in entries.zip(upper) {
-        matrix[(row, column)] = entry;
-        matrix[(column, row)] = entry;
-    }
-    matrix
-}
-
-/// The upper triangle of a matrix, row by row.
-pub(super) fn upper_triangle<const N: usize, const U: usize>(
-    information: &Information<N>,
-) -> [f64; U] {
-    let mut upper = [0.0; U];
-    let pairs = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
-    for (entry, at) in upper.iter_mut().zip(pairs) {
-        *entry = information.matrix()[at];
-    }
-    upper
-}
-
 impl<const P: usize> G2oVertex<P> {
     /// The vertex `id` at `pose`.
     pub fn new<G: G2oPose<N, P>, const N: usize>(id: i64, pose: &G) -> Self {
@@ -87,7 +65,8 @@ impl<const P: usize, const U: usize> G2oEdge<P, U> {
         i_from_j: &G,
         information: &Information<N>,
     ) -> Self {
-        let (i_from_j, information) = (i_from_j.to_numbers(), upper_triangle(information));
+        let information = upper_triangle(information.matrix());
+        let i_from_j = i_from_j.to_numbers();
         Self { i, j, i_from_j, information }
     }
 }

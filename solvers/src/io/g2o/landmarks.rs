@@ -10,8 +10,9 @@ use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::super::symmetric::upper_triangle;
 use super::super::{IoError, Location};
-use super::convert::{G2oPose, Indices, element, id_at, information_of, upper_triangle};
+use super::convert::{G2oPose, Indices, element, id_at, information_of};
 use super::{G2oFile, G2oMeasured, G2oOffset, G2oPosePrior, G2oPositionPrior, G2oSe2, G2oSighting};
 use crate::factors::{LandmarkMeasurement, PosePrior, PositionPrior, Sighting};
 use crate::geometry::LieGroup;
@@ -144,7 +145,7 @@ where
     for (k, measurement) in landmarks.measurements.iter().enumerate() {
         let kind = "measurement of a landmark";
         let point = id_at(&landmarks.ids, measurement.landmark, "landmark", kind, k)?;
-        let information = upper_triangle(&measurement.information);
+        let information = upper_triangle(measurement.information.matrix());
         let measured = match (measurement.sighting, measurement.pose) {
             (Sighting::Position(z), None) => {
                 let (id, position) = (point, z.into());
@@ -168,7 +169,7 @@ where
     for (k, prior) in graph.pose_priors.iter().enumerate() {
         let id = id_at(&graph.ids, prior.pose, "pose", "prior on a pose", k)?;
         let world_from_sensor = prior.world_from_camera.to_numbers();
-        let information = upper_triangle(&prior.information);
+        let information = upper_triangle(prior.information.matrix());
         file.pose_priors.push(G2oPosePrior { id, offset, world_from_sensor, information });
     }
     for (k, prior) in graph.position_priors.iter().enumerate() {
@@ -178,7 +179,7 @@ where
             return unwritable(kind, k, "g2o has no lever arms");
         }
         let position = prior.position_in_world.into();
-        let information = upper_triangle(&prior.information);
+        let information = upper_triangle(prior.information.matrix());
         file.position_priors.push(G2oPositionPrior { id, offset, position, information });
     }
     let names_sensor = file.sightings.iter().any(|seen| seen.offset.is_some())

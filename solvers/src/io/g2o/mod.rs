@@ -30,6 +30,7 @@ use std::path::Path;
 
 use super::{IoError, files};
 
+pub use super::changed_lines::ChangedLines;
 pub use convert::G2oPose;
 
 /// One vertex line.
@@ -176,15 +177,6 @@ pub struct RepairedEdges {
     pub j: i64,
     /// Its smallest eigenvalue, before.
     pub smallest_eigenvalue: f64,
-}
-
-/// Lines that a reader changed or left out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ChangedLines {
-    /// How many there were.
-    pub count: usize,
-    /// The first, from 1.
-    pub first_line: u64,
 }
 
 /// What a reader changed in a file, so that its caller can tell.

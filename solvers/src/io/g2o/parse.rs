@@ -3,27 +3,23 @@
 //! Lines are remembered during the parse only, so that a refusal names them. Numbers stay those of the
 //! file, except for quaternions far from norm 1 and for information matrices that are repaired on request.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::Path;
 
+use super::super::changed_lines::{ChangedLines, UnknownTags};
 use super::super::error::excerpt;
 use super::super::rotation::normalized;
+use super::super::symmetric::{PLANE, symmetric, upper_triangle};
 use super::super::text::{Line, Text};
 use super::super::{IoError, Location, files};
-use super::convert::{refused, symmetric, upper_triangle};
+use super::convert::refused;
 use super::tags::{Record, Space, read_tag};
 use super::toro;
 use super::{
-    ChangedLines, G2oChanges, G2oEdge, G2oFile, G2oGraph, G2oMeasured, G2oOffset, G2oPoint,
-    G2oPosePrior, G2oPositionPrior, G2oReading, G2oSighting, G2oVertex, Indefinite, RepairedEdges,
+    G2oChanges, G2oEdge, G2oFile, G2oGraph, G2oMeasured, G2oOffset, G2oPoint, G2oPosePrior,
+    G2oPositionPrior, G2oReading, G2oSighting, G2oVertex, Indefinite, RepairedEdges,
 };
 use crate::information::{Information, InformationError};
-
-/// Entries of the upper triangle of a 3×3 matrix that a 2×2 matrix has.
-pub(super) const PLANE: [usize; 3] = [0, 1, 3];
-
-/// Tags that `--skip-unknown` lists at most; the others are counted with the last.
-const MAX_SKIPPED: usize = 64;
 
 /// A file that is being read, with the line of each record.
 struct Builder<const P: usize, const U: usize> {
@@ -47,17 +43,12 @@ pub(super) fn parse(
     let mut se2 = Builder::<3, 6>::new();
     let mut se3 = Builder::<7, 21>::new();
     let mut fixed: Vec<(i64, u64)> = Vec::new();
-    let mut skipped: BTreeMap<String, ChangedLines> = BTreeMap::new();
+    let mut unknown = UnknownTags::new(reading.skip_unknown);
     let mut text = Text::new(bytes, path);
     while let Some(mut line) = text.record() {
         let word = line.word().unwrap_or_default();
         let Some((record, space)) = read_tag(word) else {
-            if !reading.skip_unknown {
-                return Err(IoError::UnknownTag { location: line.location(), tag: excerpt(word) });
-            }
-            let is_full = skipped.len() >= MAX_SKIPPED;
-            let tag = if is_full { "others".to_owned() } else { excerpt(word) };
-            note(skipped.entry(tag).or_insert_with(|| ChangedLines::before(&line)));
+            unknown.take(word, &line)?;
             continue;
         };
         match (record, space) {
@@ -85,7 +76,7 @@ pub(super) fn parse(
     } else {
         return Err(IoError::Empty { path: path.to_owned(), what: "vertex or edge" });
     };
-    changes.skipped = skipped.into_iter().collect();
+    changes.skipped = unknown.skipped();
     Ok((graph, changes))
 }
 
@@ -207,7 +198,7 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         let mut i_from_j = pose(&mut line, "measurement")?;
         let information = information(&mut line)?;
         if i == j {
-            note(self.changes.self_edges.get_or_insert_with(|| ChangedLines::before(&line)));
+            ChangedLines::note(&mut self.changes.self_edges, &line);
             return line.end();
         }
         self.normalize(&mut i_from_j, &line)?;
@@ -278,7 +269,7 @@ impl<const P: usize, const U: usize> Builder<P, U> {
             && let Some(new) = normalized(quaternion, || line.location())?
         {
             *quaternion = new;
-            note(self.changes.normalized.get_or_insert_with(|| ChangedLines::before(line)));
+            ChangedLines::note(&mut self.changes.normalized, line);
         }
         Ok(())
     }
@@ -405,7 +396,7 @@ impl Check<'_> {
         self.first.get_or_insert((error, line, ends));
         if self.indefinite == Indefinite::Repair {
             let refuse = |error| refused(error, Location::line(self.path, line), ends, 1);
-            *upper = upper_triangle(&Information::nearest(&matrix).map_err(refuse)?);
+            *upper = upper_triangle(Information::nearest(&matrix).map_err(refuse)?.matrix());
         }
         Ok(())
     }
@@ -444,16 +435,4 @@ fn information(line: &mut Line<'_>, space: Space) -> Result<[f64; 6], IoError> {
         }
         Space::Solid => line.numbers("information"),
     }
-}
-
-impl ChangedLines {
-    /// None yet, before `line` is counted as the first.
-    fn before(line: &Line<'_>) -> Self {
-        Self { count: 0, first_line: line.line_number() }
-    }
-}
-
-/// Counts a line that is changed.
-fn note(lines: &mut ChangedLines) {
-    lines.count += 1;
 }

@@ -4,9 +4,9 @@
 
 use std::path::Path;
 
+use super::super::symmetric::PLANE;
 use super::super::text::TextWriter;
 use super::super::{IoError, files};
-use super::parse::PLANE;
 use super::tags::{
     BEARING, OFFSET, POINT, POSE_PRIOR, POSITION, POSITION_PRIOR, POSITION_PRIOR_WITH_OFFSET,
 };

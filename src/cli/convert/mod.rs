@@ -2,7 +2,9 @@
 //!
 //! Reads all of the input before it writes. What is converted stays what it is: poses, points and
 //! residuals; what a format cannot hold is refused or named in the report. Conventions of formats are
-//! [`covis_solvers::io`]'s.
+//! [`covis_solvers::io`]'s; `named` has what is special about graphs of named variables.
+
+mod named;
 
 use std::path::{Path, PathBuf};
 
@@ -12,14 +14,16 @@ use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::{Content, Format};
-use covis_solvers::io::g2o::{G2oGraph, G2oPoint, G2oReading};
+use covis_solvers::io::g2o::{G2oChanges, G2oGraph, G2oReading};
 use covis_solvers::io::ply::{PlyEncoding, PlyFile, PlyVertex};
+use covis_solvers::io::pyfg::PyfgGraph;
 use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat, read_times};
 use fs_err as fs;
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use self::named::NamedGraph;
 use super::formats::{self, joined};
 use super::output::show;
 use super::overwrite::Overwrite;
@@ -42,8 +46,8 @@ pub(super) struct Args {
     /// Format of the input [default: detected from its name or its first line].
     #[arg(long, value_name = "FORMAT", value_parser = formats::readable(), hide_possible_values = true)]
     from: Option<Format>,
-    /// Format of the output: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o or ply
-    /// [default: by its name; a name without extension is a COLMAP folder].
+    /// Format of the output: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o, pyfg or
+    /// ply [default: by its name; a name without extension is a COLMAP folder].
     #[arg(long, value_name = "FORMAT", value_parser = formats::writable(), hide_possible_values = true)]
     to: Option<Format>,
     /// Times of the poses of a KITTI file, seconds, one per line.
@@ -51,7 +55,11 @@ pub(super) struct Args {
     times: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Skip the lines of a g2o file that covis does not read, and say how many of each tag. Without this
+    /// The robot of a pyfg file whose trajectory is written, by the letter of its poses; needed if the file
+    /// has several.
+    #[arg(long, value_name = "LETTER")]
+    robot: Option<char>,
+    /// Skip the lines of a g2o or pyfg file that covis does not read, and say how many of each tag. Without this
     /// flag such a line is an error.
     #[arg(long)]
     skip_unknown: bool,
@@ -83,6 +91,8 @@ enum Input {
     /// With COLMAP's own numbers, where it is one.
     Bundle(Box<SparseModel>, Option<ColmapModel>),
     PoseGraph(G2oGraph),
+    /// Of variables with names.
+    Named(Box<NamedGraph>),
 }
 
 /// Converts.
@@ -91,6 +101,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     args.overwrite.allow(&args.output)?;
     let working = Working::new(format_args!("reading {}", args.input.display()));
     let (from, mut input) = read(args)?;
+    ensure!(
+        args.robot.is_none() || from == Format::Pyfg,
+        "--robot is for pyfg files, and {} is not one",
+        args.input.display()
+    );
     take_times(args, &mut input)?;
     working.tell(format_args!("writing {}", args.output.display()));
     let content = from.entry().content;
@@ -102,7 +117,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         )
     })?;
     let (poses, landmarks, observations) = input.counts();
-    let is_numbered = from.entry().content != Content::Trajectory
+    let is_numbered = !matches!(from.entry().content, Content::Trajectory) && from != Format::Pyfg
         || from == Format::Trajectory(TrajectoryFormat::Kitti) && args.times.is_none();
     let has_times = matches!(to, Format::Trajectory(format) if format.has_times());
     let single_view_points = write(&input, from, to, &args.output)?.filter(|&count| count > 0);
@@ -140,7 +155,7 @@ fn sentence(document: &Document) -> String {
 /// What stands for times.
 fn numbers(input: &Input) -> &'static str {
     match input {
-        Input::Trajectory(_) => "the numbers of rows (--times FILE gives others)",
+        Input::Trajectory(_) | Input::Named(_) => "the numbers of rows (--times FILE gives others)",
         Input::Bundle(..) => "the names of images where these are numbers, else their numbers",
         Input::PoseGraph(graph) if ids_are_times(graph) => "the ids of vertices",
         Input::PoseGraph(_) => {
@@ -187,6 +202,13 @@ fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
             formats::warn_of_changes(path, &changes);
             Input::PoseGraph(graph)
         }
+        Format::Pyfg => {
+            let (graph, skipped) = PyfgGraph::parse(&bytes, path, args.skip_unknown)
+                .map_err(formats::with_skipping)?;
+            formats::warn_of_changes(path, &G2oChanges { skipped, ..G2oChanges::default() });
+            let graph = NamedGraph::new(graph, args.robot);
+            Input::Named(Box::new(graph.with_context(|| format!("{}", path.display()))?))
+        }
         Format::Colmap(_) | Format::Ply => {
             bail!("{}: covis writes {} but cannot read it", path.display(), from.entry().name)
         }
@@ -230,14 +252,17 @@ impl Input {
                 };
                 (poses, points(graph).len(), measured)
             }
+            Self::Named(graph) => graph.counts(),
         }
     }
 
-    fn trajectory(&self) -> anyhow::Result<Trajectory> {
+    /// The trajectory, whose times rise where it `needs_times`.
+    fn trajectory(&self, needs_times: bool) -> anyhow::Result<Trajectory> {
         match self {
             Self::Trajectory(trajectory) => Ok(trajectory.clone()),
             Self::Bundle(model, _) => Ok(model.trajectory()),
             Self::PoseGraph(graph) => graph_trajectory(graph),
+            Self::Named(graph) => graph.trajectory(needs_times),
         }
     }
 }
@@ -246,7 +271,9 @@ impl Input {
 /// observe.
 fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<Option<usize>> {
     match (to, input) {
-        (Format::Trajectory(format), input) => input.trajectory()?.write_as(out, format)?,
+        (Format::Trajectory(format), input) => {
+            input.trajectory(format.has_times())?.write_as(out, format)?;
+        }
         // COLMAP's own numbers, with keypoints that have no point.
         (Format::Colmap(encoding), Input::Bundle(_, Some(own))) => {
             own.write(out, encoding)?;
@@ -260,8 +287,12 @@ fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<
         (Format::Bal, Input::Bundle(model, _)) => model.to_bal()?.write(out)?,
         (Format::Bundler, Input::Bundle(model, _)) => model.to_bundler()?.write(out)?,
         (Format::G2o, Input::PoseGraph(graph)) => graph.write(out)?,
+        (Format::G2o, Input::Named(graph)) => graph.whole()?.to_g2o()?.write(out)?,
+        (Format::Pyfg, Input::PoseGraph(graph)) => PyfgGraph::from_g2o(graph)?.write(out)?,
+        (Format::Pyfg, Input::Named(graph)) => graph.whole()?.write(out)?,
         (Format::Ply, input) => picture(input)?.write(out, PlyEncoding::Binary)?,
-        (Format::Colmap(_) | Format::Bal | Format::Bundler, _) | (Format::G2o, _) => {
+        (Format::Colmap(_) | Format::Bal | Format::Bundler, _)
+        | (Format::G2o | Format::Pyfg, _) => {
             let named = |format: Format| {
                 let entry = format.entry();
                 format!("{} ({})", entry.name, entry.content.name())
@@ -279,23 +310,35 @@ fn picture(input: &Input) -> anyhow::Result<PlyFile> {
         let points = model.problem.landmarks.iter().zip(&model.colors);
         file.vertices.extend(points.map(|(&position, &color)| PlyVertex { position, color }));
     }
-    if let Input::PoseGraph(graph) = input {
-        let vertex =
-            |point: &G2oPoint| PlyVertex { position: point.position.into(), color: LANDMARK_COLOR };
-        file.vertices.extend(points(graph).iter().map(vertex));
-    }
-    let trajectory = input.trajectory()?;
-    let centers: Vec<_> = trajectory.world_from_body.iter().map(|pose| pose.translation).collect();
-    file.push_polyline(&centers, PATH_COLOR);
+    let mut put_points = |points: &[Vector3<f64>]| {
+        let vertex = |&position: &_| PlyVertex { position, color: LANDMARK_COLOR };
+        file.vertices.extend(points.iter().map(vertex));
+    };
+    let paths = match input {
+        Input::Named(graph) => {
+            graph.whole()?;
+            put_points(&graph.points);
+            graph.paths().collect()
+        }
+        Input::PoseGraph(_) | Input::Trajectory(_) | Input::Bundle(..) => {
+            if let Input::PoseGraph(graph) = input {
+                put_points(&points(graph));
+            }
+            let poses = input.trajectory(false)?.world_from_body;
+            vec![poses.iter().map(|pose| pose.translation).collect::<Vec<_>>()]
+        }
+    };
+    paths.iter().for_each(|path| file.push_polyline(path, PATH_COLOR));
     Ok(file)
 }
 
 /// The landmarks of a graph.
-fn points(graph: &G2oGraph) -> &[G2oPoint] {
-    match graph {
+fn points(graph: &G2oGraph) -> Vec<Vector3<f64>> {
+    let points = match graph {
         G2oGraph::Se2(file) => &file.points,
         G2oGraph::Se3(file) => &file.points,
-    }
+    };
+    points.iter().map(|point| point.position.into()).collect()
 }
 
 /// Poses of a graph by rising id, those of a plane at z = 0. Times are the ids, or the numbers of the
