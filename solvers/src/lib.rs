@@ -18,7 +18,7 @@
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths; [`point_matching`]: points of two places that are one |
 //! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved; [`geometric_verification`]: whether two keyframes show one place |
 //! | 12 | [`reconstruction`]: poses and points from observations alone; [`similarity`]: two clouds of points at different scales |
-//! | 13 | [`io`]: files of BAL, Bundler, COLMAP and g2o, trajectories, PLY |
+//! | 13 | [`io`]: files of BAL, Bundler, COLMAP, g2o and PyFactorGraph, trajectories, PLY |
 //! | 14 | `testing`, a feature: numeric Jacobians, group laws, a synthetic room |
 //!
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
