@@ -48,6 +48,8 @@ fn landmarks_without_a_pose_are_solved_and_named_as_free() {
     let (input, out) = (workspace.file("range.pyfg", text), workspace.path("out.pyfg"));
     let report = workspace.json("solve {} --json --out {}", &[&input, &out]);
     assert!(number(&report, "final_cost") < 1e-12, "{report}");
+    let text = workspace.run("solve {}", &[&input]).stdout;
+    assert!(text.contains("gauge: free, nothing holds the graph\n"), "{text}");
     let open: Vec<_> = report["undetermined"].as_array().unwrap().iter().collect();
     assert_eq!((&open[0]["id"], &open[1]["id"]), (&"L0".into(), &"L1".into()));
     let read = PyfgGraph::read(&out, false).unwrap().0;

@@ -199,6 +199,9 @@ pub(super) struct Diagnosis {
     /// Vertices that the edges leave open.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     undetermined: Vec<Open>,
+    /// Whether nothing holds the graph in the world: no vertex and no prior.
+    #[serde(skip)]
+    is_free: bool,
     /// Of the file.
     #[serde(skip)]
     naming: Naming,
@@ -257,6 +260,7 @@ impl Diagnosis {
             skipped: skipped.collect(),
             repaired: repair.then(|| Repaired::new(changes.repaired)),
             gauge: Vec::new(),
+            is_free: false,
             undetermined: Vec::new(),
             naming,
         }
@@ -271,6 +275,8 @@ impl Diagnosis {
         let landmarks = graph.landmarks.ids.iter().zip(&graph.landmarks.constant);
         let held = poses.chain(landmarks).filter(|&(_, &constant)| constant);
         self.gauge = held.map(|(&id, _)| (self.naming)(id)).collect();
+        let is_anchored = graph.has_priors() || graph.landmarks.are_anchored();
+        self.is_free = self.gauge.is_empty() && !is_anchored;
         let open = pose_graph::undetermined(graph)?.into_iter();
         self.undetermined = open
             .map(|Undetermined { id, directions }| Open {
@@ -284,6 +290,7 @@ impl Diagnosis {
     /// Lines `name value` of the summary.
     pub(super) fn lines(&self) -> Vec<(&'static str, String)> {
         let gauge = match self.gauge.as_slice() {
+            [] if self.is_free => "free, nothing holds the graph".to_owned(),
             [] => "held by priors".to_owned(),
             [id] => format!("vertex {id} fixed"),
             ids => format!("{} vertices fixed", ids.len()),
