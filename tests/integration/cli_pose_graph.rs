@@ -176,7 +176,7 @@ fn a_graph_with_landmarks_and_priors_is_solved_and_written_back_whole() {
     }
     let input = twin("park-80");
     for (flag, reason) in [
-        ("--robust gnc-tls", "with landmarks cannot be judged"),
+        ("--robust gnc-tls", "landmarks or ranges cannot be judged"),
         ("--certify", "cannot be certified"),
         ("--incremental", "has landmarks or priors"),
     ] {

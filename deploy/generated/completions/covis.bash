@@ -678,21 +678,25 @@ _covis() {
             return 0
             ;;
         covis__subcmd__convert)
-            opts="-h --from --to --times --force --skip-unknown --json --config --log --log-format --help"
+            opts="-h --from --to --times --force --robot --skip-unknown --json --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
             fi
             case "${prev}" in
                 --from)
-                    COMPREPLY=($(compgen -W "tum kitti euroc bal bundler colmap-text colmap-binary g2o" -- "${cur}"))
+                    COMPREPLY=($(compgen -W "tum kitti euroc bal bundler colmap-text colmap-binary g2o pyfg" -- "${cur}"))
                     return 0
                     ;;
                 --to)
-                    COMPREPLY=($(compgen -W "tum kitti euroc bal bundler colmap-text colmap-binary g2o ply" -- "${cur}"))
+                    COMPREPLY=($(compgen -W "tum kitti euroc bal bundler colmap-text colmap-binary g2o pyfg ply" -- "${cur}"))
                     return 0
                     ;;
                 --times)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --robot)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;

@@ -73,8 +73,9 @@ bal\t'bundle adjustment in the large'
 bundler\t'Bundler, with its list of images'
 colmap-text\t'folder with COLMAP\'s sparse model'
 colmap-binary\t'folder with COLMAP\'s sparse model'
-g2o\t'pose graph'"
-complete -c covis -n "__fish_covis_using_subcommand convert" -l to -d 'Format of the output: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o or ply [default: by its name; a name without extension is a COLMAP folder]' -r -f -a "tum\t'TUM trajectory'
+g2o\t'pose graph'
+pyfg\t'PyFactorGraph\'s pose graph with ranges'"
+complete -c covis -n "__fish_covis_using_subcommand convert" -l to -d 'Format of the output: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o, pyfg or ply [default: by its name; a name without extension is a COLMAP folder]' -r -f -a "tum\t'TUM trajectory'
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'
 bal\t'bundle adjustment in the large'
@@ -82,14 +83,16 @@ bundler\t'Bundler, with its list of images'
 colmap-text\t'folder with COLMAP\'s sparse model'
 colmap-binary\t'folder with COLMAP\'s sparse model'
 g2o\t'pose graph'
+pyfg\t'PyFactorGraph\'s pose graph with ranges'
 ply\t'points and paths for viewers'"
 complete -c covis -n "__fish_covis_using_subcommand convert" -l times -d 'Times of the poses of a KITTI file, seconds, one per line' -r -F
+complete -c covis -n "__fish_covis_using_subcommand convert" -l robot -d 'The robot of a pyfg file whose trajectory is written, by the letter of its poses; needed if the file has several' -r
 complete -c covis -n "__fish_covis_using_subcommand convert" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand convert" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand convert" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand convert" -l force -d 'Replace files that are there'
-complete -c covis -n "__fish_covis_using_subcommand convert" -l skip-unknown -d 'Skip the lines of a g2o file that covis does not read, and say how many of each tag. Without this flag such a line is an error'
+complete -c covis -n "__fish_covis_using_subcommand convert" -l skip-unknown -d 'Skip the lines of a g2o or pyfg file that covis does not read, and say how many of each tag. Without this flag such a line is an error'
 complete -c covis -n "__fish_covis_using_subcommand convert" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand convert" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
@@ -912,7 +915,7 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_s
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "pose-graph" -d 'A g2o or pyfg pose graph, SE2 or SE3; its first vertex (of g2o the lowest id) is held fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l max-iterations -d 'Maximum number of iterations, rejected ones included' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l loss -d 'Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations' -r
@@ -952,7 +955,7 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 gnc-tls\t'Truncated least squares'
 gnc-gm\t'Geman-McClure'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l robust-threshold -d 'Largest χ² of a true closure [default: the 99 % quantile, 11.3 in SE2 and 16.8 in SE3]' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l trusted -d 'A loop closure that `--robust` must trust, by the ids of its two vertices; may be repeated' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l trusted -d 'A loop closure that `--robust` must trust, by the ids or names of its two vertices; may be repeated' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l threads -d 'Worker threads for solves; results do not depend on their number [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info; warn of commands that do not write to a terminal] [env: COVIS_LOG]' -r
@@ -966,7 +969,7 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l incremental -d 'Add the vertices one by one in id order, each with its edges to lower ids, and optimize after each; reports how long a step takes'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "pose-graph" -d 'A g2o or pyfg pose graph, SE2 or SE3; its first vertex (of g2o the lowest id) is held fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "doctor" -d 'Check a data directory without a server: verify, report, repair'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "backup" -d 'Copy a data directory, even while a server uses it'
@@ -1020,4 +1023,4 @@ complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcom
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "export" -d 'Write a map to files'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "import" -d 'Create a map from files: an export of covis, COLMAP, g2o, or a trajectory'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from solve" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from solve" -f -a "pose-graph" -d 'A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from solve" -f -a "pose-graph" -d 'A g2o or pyfg pose graph, SE2 or SE3; its first vertex (of g2o the lowest id) is held fixed'

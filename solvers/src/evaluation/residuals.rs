@@ -9,7 +9,7 @@ use nalgebra::{SMatrix, SVector};
 use super::cost::{landmark_residual, observed, range_residual};
 use super::reference::ReferencePose;
 use super::sum::CompensatedSum;
-use crate::factors::{PosePrior, PositionPrior, Range, RangeEnd, Sighting};
+use crate::factors::{PosePrior, PositionPrior, Range, Sighting};
 use crate::information::Information;
 use crate::loss::Loss;
 use crate::problem::{BundleProblem, Observation, PoseGraph, dimension_of_space};
@@ -293,7 +293,7 @@ fn landmark_residuals<G: ReferencePose<N>, const N: usize>(
     // Measurements and rows of each.
     let mut tracks = vec![(0, 0); landmarks.len()];
     let measured = landmarks.measurements.iter().map(|m| (m.landmark, m.rows(space)));
-    let ranged = graph.ranges.iter().flat_map(landmark_ends).map(|landmark| (landmark, 1));
+    let ranged = graph.ranges.iter().flat_map(Range::landmarks).map(|landmark| (landmark, 1));
     for (landmark, own) in measured.chain(ranged) {
         if let Some((count, rows)) = tracks.get_mut(landmark) {
             *count += 1;
@@ -322,21 +322,13 @@ fn landmark_residuals<G: ReferencePose<N>, const N: usize>(
     for range in &graph.ranges {
         if let Some(r) = range_residual(range, graph) {
             // Between poses alone a range is beyond their unknowns.
-            let redundancy = landmark_ends(range).map(redundancy).fold(1.0, f64::min);
+            let redundancy = range.landmarks().map(redundancy).fold(1.0, f64::min);
             samples[2].add(r * r, r * r * range.precision, redundancy);
         }
     }
     for ((quantity, _), samples) in kinds.into_iter().zip(samples) {
         report.0[quantity as usize] = samples.statistics();
     }
-}
-
-/// The landmarks at the ends of a range.
-fn landmark_ends(range: &Range) -> impl Iterator<Item = usize> {
-    range.ends.into_iter().filter_map(|end| match end {
-        RangeEnd::Pose(_) => None,
-        RangeEnd::Landmark(landmark) => Some(landmark),
-    })
 }
 
 /// Those of priors on poses and on positions.

@@ -87,6 +87,14 @@ impl Range {
         self.distance_m.is_finite() && self.precision.is_finite() && self.precision > 0.0
     }
 
+    /// The landmarks at its ends.
+    pub fn landmarks(&self) -> impl Iterator<Item = usize> + use<> {
+        self.ends.into_iter().filter_map(|end| match end {
+            RangeEnd::Pose(_) => None,
+            RangeEnd::Landmark(landmark) => Some(landmark),
+        })
+    }
+
     /// The residual between two positions, in meters, not whitened.
     #[must_use]
     pub fn residual(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {

@@ -206,8 +206,7 @@ fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
             let (graph, skipped) = PyfgGraph::parse(&bytes, path, args.skip_unknown)
                 .map_err(formats::with_skipping)?;
             formats::warn_of_changes(path, &G2oChanges { skipped, ..G2oChanges::default() });
-            let graph = NamedGraph::new(graph, args.robot);
-            Input::Named(Box::new(graph.with_context(|| format!("{}", path.display()))?))
+            Input::Named(Box::new(NamedGraph::new(path, graph, args.robot)?))
         }
         Format::Colmap(_) | Format::Ply => {
             bail!("{}: covis writes {} but cannot read it", path.display(), from.entry().name)

@@ -2,6 +2,8 @@
 //!
 //! A name begins with the letter of its robot. A trajectory is of one robot; a picture shows all of them.
 
+use std::path::{Path, PathBuf};
+
 use anyhow::{bail, ensure};
 use covis_solvers::geometry::Se3;
 use covis_solvers::io::pyfg::{PyfgFile, PyfgGraph, PyfgName, PyfgTime};
@@ -13,7 +15,9 @@ use crate::cli::formats::joined;
 
 /// A file, and what is asked of it.
 pub(super) struct NamedGraph {
-    pub(super) graph: PyfgGraph,
+    /// The name of the file, for errors.
+    path: PathBuf,
+    graph: PyfgGraph,
     /// The robot whose trajectory is wanted.
     robot: Option<char>,
     /// Poses of that robot, else of all, by name.
@@ -24,7 +28,7 @@ pub(super) struct NamedGraph {
 
 impl NamedGraph {
     /// Fails where the robot has no pose.
-    pub(super) fn new(graph: PyfgGraph, robot: Option<char>) -> anyhow::Result<Self> {
+    pub(super) fn new(path: &Path, graph: PyfgGraph, robot: Option<char>) -> anyhow::Result<Self> {
         let (mut poses, points, measured) = match &graph {
             PyfgGraph::Se2(file) => {
                 parts(file, file.to_pose_graph()?.poses.iter().map(in_space).collect())
@@ -36,11 +40,12 @@ impl NamedGraph {
             poses.retain(|(name, ..)| name.letter() == robot);
             ensure!(
                 !poses.is_empty(),
-                "--robot {robot}: no pose has this letter, only {}",
+                "{}: no pose has the letter of --robot {robot}, only {}",
+                path.display(),
                 spelled(&letters)
             );
         }
-        Ok(Self { graph, robot, poses, points, measured })
+        Ok(Self { path: path.to_owned(), graph, robot, poses, points, measured })
     }
 
     /// Poses, landmarks, measurements of landmarks and ranges.
@@ -57,11 +62,12 @@ impl NamedGraph {
     /// The trajectory of the only robot or the chosen one, by rising number.
     /// Fails for several robots, without poses, and where `needs_times` for times that do not rise.
     pub(super) fn trajectory(&self, needs_times: bool) -> anyhow::Result<Trajectory> {
+        let path = self.path.display();
         match letters(&self.poses)[..] {
-            [] => bail!("the file has no poses"),
+            [] => bail!("{path}: the file has no poses"),
             [_] => {}
             ref several => bail!(
-                "the file has the robots {}, and a trajectory is of one: choose it with --robot",
+                "{path}: the file has the robots {}, and a trajectory is of one: choose it with --robot",
                 spelled(several)
             ),
         }
@@ -71,7 +77,7 @@ impl NamedGraph {
             self.poses.windows(2).find(falls).filter(|_| needs_times)
         {
             bail!(
-                "times do not rise: {before} is at {t0} s, {after} at {t1} s; `--to kitti` writes the \
+                "{path}: times do not rise: {before} is at {t0} s, {after} at {t1} s; `--to kitti` writes the \
                  poses without times"
             );
         }
