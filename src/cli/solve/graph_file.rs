@@ -100,11 +100,7 @@ impl fmt::Display for Vertex {
 
 /// An error of a solve, with pieces by the names of their vertices.
 pub(super) fn with_names(error: SolveError, naming: Naming) -> anyhow::Error {
-    match &error {
-        SolveError::Disconnected { pieces } => {
-            let text = Piece::describe_as(pieces, |id| naming(id).to_string());
-            anyhow!("the graph is in {} pieces: {text}", pieces.len())
-        }
-        _ => error.into(),
-    }
+    let SolveError::Disconnected { pieces } = &error else { return error.into() };
+    let text = Piece::describe_as(pieces, |id| naming(id).to_string());
+    anyhow!("the graph is in {} pieces: {text}", pieces.len())
 }

@@ -168,11 +168,13 @@ impl<const P: usize, const U: usize> PyfgFile<P, U> {
     ) -> Result<Self, IoError> {
         let unwritable =
             |factor, index, reason| IoError::UnwritableFactor { factor, index, reason };
-        graph.validate().or_else(|error| match error {
-            // It is no less a file.
-            SolveError::Disconnected { .. } | SolveError::Empty(_) => Ok(()),
-            _ => Err(unwritable("graph", 0, "it is not valid")),
-        })?;
+        // A graph in pieces or without factors is a file all the same.
+        let is_file = |error: &SolveError| {
+            matches!(error, SolveError::Disconnected { .. } | SolveError::Empty(_))
+        };
+        if graph.validate().is_err_and(|error| !is_file(&error)) {
+            return Err(unwritable("graph", 0, "it is not valid"));
+        }
         let name = |ids: &[i64], index: usize, kind| {
             PyfgName::from_id(ids[index])
                 .ok_or_else(|| unwritable(kind, index, "its id is not that of a name"))
