@@ -3,14 +3,16 @@
 //! Rotations as free matrices make the chordal cost Σ κ ‖R_j − R_i Z‖² linear: each row of every R
 //! is a least-squares problem with the same matrix (Martinec and Pajdla 2007; Carlone et al.,
 //! "Initialization techniques for 3D SLAM", 2015). The solution is projected onto the rotations;
-//! with these held, translations are linear least squares with the edges' own information. Both
-//! systems have one block a pose on one pattern, so that one plan serves two factorizations. It
-//! must not look at the start values of poses that may move.
+//! with these held, translations and sighted landmarks are linear least squares with the information of
+//! the measurements. Without landmarks both systems have one block a pose on one pattern, so that one plan
+//! serves two factorizations; with landmarks, `relaxation` makes the rotations. It must not look at the
+//! start values of what may move.
 
 use std::sync::Arc;
 
 use nalgebra::{SMatrix, SVector};
 
+use super::relaxation::{relaxed_rotations, sighted};
 use crate::factors::RelativePose;
 use crate::geometry::RigidMotion;
 use crate::information::Information;
@@ -55,7 +57,7 @@ impl IsotropicPrecision {
 }
 
 /// tr Ω⁻¹; infinite for a block without information in some direction: its inverse has no bound.
-fn inverse_trace<const D: usize>(omega: &SMatrix<f64, D, D>) -> f64 {
+pub(super) fn inverse_trace<const D: usize>(omega: &SMatrix<f64, D, D>) -> f64 {
     let minor = |i: usize, j: usize| omega[(i, i)] * omega[(j, j)] - omega[(i, j)] * omega[(j, i)];
     // The sum of the principal minors of one order less, over the determinant.
     let (sum, determinant, is_definite) = match D {
@@ -87,18 +89,23 @@ pub fn chordal<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     limits: Limits<'_>,
 ) -> Result<(), SolveError> {
     graph.validate()?;
-    let (poses, of) = graph.free_poses();
-    let rows = Rows { poses, of };
+    let rows = Rows::of::<G, D, N>(graph);
     if rows.poses.is_empty() {
         return Ok(());
     }
-    let pairs = graph.free_indices_of_edges(&rows.of).filter_map(|(i, j)| i.zip(j));
-    let pattern = Arc::new(BlockPattern::new(vec![D; rows.poses.len()], pairs));
+    let pattern = Arc::new(BlockPattern::new(vec![D; rows.len()], rows.pairs(graph)));
     let linear = linear_bytes(graph, &pattern);
-    let system = Linear::<D>::new(Arc::clone(&pattern), &rows.poses, limits.less(linear));
-    let mut system = system.map_err(|error| error.beside(linear))?;
-
-    let rotations = relaxed_rotations(graph, &rows, &mut system)?;
+    let limits = limits.less(linear);
+    let (mut system, rotations) = if rows.has_sightings {
+        let rotations = relaxed_rotations(graph, &rows, limits);
+        let rotations = rotations.map_err(|error| error.beside(linear))?;
+        (Linear::new(pattern, limits).map_err(|error| error.beside(linear))?, rotations)
+    } else {
+        let system = Linear::new(pattern, limits);
+        let mut system = system.map_err(|error| error.beside(linear))?;
+        let rotations = rotations_of_edges(graph, &rows, &mut system)?;
+        (system, rotations)
+    };
     let mut poses = graph.poses.clone();
     for (&pose, matrix) in rows.poses.iter().zip(&rotations) {
         let unknown = || SolveError::Singular { what: "rotation of pose", id: graph.ids[pose] };
@@ -119,59 +126,122 @@ fn linear_bytes<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &PoseGraph<G, N>,
     pattern: &BlockPattern,
 ) -> u64 {
-    let poses = graph.poses.len() * (2 * size_of::<G>() + 8 * (3 * D * D + D) + 32);
+    let poses = graph.poses.len() * (2 * size_of::<G>() + 8 * (3 * D * D + 2 * D) + 32);
+    let landmarks = graph.landmarks.len() * (16 * D + 32);
     let edges = graph.edges.len() * (8 * (D * D + D) + 16);
-    (poses + edges) as u64 + 8 * pattern.value_count() as u64 + pattern.bytes()
+    (poses + landmarks + edges) as u64 + 8 * pattern.value_count() as u64 + pattern.bytes()
 }
 
-/// Which poses move, and their block rows.
-struct Rows {
+/// What moves, and its block rows: poses, then landmarks.
+pub(super) struct Rows {
     /// Poses in row order.
-    poses: Vec<usize>,
+    pub(super) poses: Vec<usize>,
     /// Block row of each pose, `None` where it is held.
-    of: Vec<Option<usize>>,
+    pub(super) of: Vec<Option<usize>>,
+    /// Landmarks in row order, after the poses.
+    landmarks: Vec<usize>,
+    /// Block row of each landmark, `None` where it is held or its position was not measured.
+    pub(super) of_landmark: Vec<Option<usize>>,
+    /// Whether the position of a landmark was measured.
+    has_sightings: bool,
 }
 
-/// A block-sparse system with D rows a pose.
-struct Linear<'a, const D: usize> {
-    matrix: BlockMatrix,
+impl Rows {
+    fn of<G: RigidMotion<D, N>, const D: usize, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
+        let (poses, of) = graph.free_poses();
+        let mut is_sighted = vec![false; graph.landmarks.len()];
+        let measurements = graph.landmarks.measurements.iter();
+        let sighted = measurements.filter(|measurement| sighted::<D>(measurement).is_some());
+        sighted.for_each(|measurement| is_sighted[measurement.landmark] = true);
+        let is_free =
+            |&landmark: &usize| is_sighted[landmark] && !graph.landmarks.constant[landmark];
+        let landmarks: Vec<usize> = (0..is_sighted.len()).filter(is_free).collect();
+        let mut of_landmark = vec![None; is_sighted.len()];
+        for (row, &landmark) in (poses.len()..).zip(&landmarks) {
+            of_landmark[landmark] = Some(row);
+        }
+        let has_sightings = is_sighted.contains(&true);
+        Self { poses, of, landmarks, of_landmark, has_sightings }
+    }
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.poses.len() + self.landmarks.len()
+    }
+
+    /// The rows that a factor ties together.
+    pub(super) fn pairs<'a, G: RigidMotion<D, N>, const D: usize, const N: usize>(
+        &'a self,
+        graph: &'a PoseGraph<G, N>,
+    ) -> impl Iterator<Item = (usize, usize)> + 'a {
+        let edges = graph.free_indices_of_edges(&self.of).filter_map(|(i, j)| i.zip(j));
+        let sightings = graph.landmarks.measurements.iter().filter_map(|measurement| {
+            self.of[measurement.pose?].zip(self.of_landmark[measurement.landmark])
+        });
+        edges.chain(sightings)
+    }
+
+    /// The error for a block row that measurements leave open; `what` is open of a pose.
+    fn open<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+        &self,
+        graph: &PoseGraph<G, N>,
+        what: &'static str,
+        block: usize,
+    ) -> SolveError {
+        match self.poses.get(block) {
+            Some(&pose) => SolveError::Singular { what, id: graph.ids[pose] },
+            None => {
+                let landmark = self.landmarks[block - self.poses.len()];
+                SolveError::Singular { what: "landmark", id: graph.landmarks.ids[landmark] }
+            }
+        }
+    }
+}
+
+/// A block-sparse system with a block for each row of [`Rows`].
+pub(super) struct Linear<'a> {
+    pub(super) matrix: BlockMatrix,
     factor: Cholesky,
-    /// Which pose each row is, for errors.
-    poses: &'a [usize],
     interrupt: &'a Interrupt,
 }
 
-impl<'a, const D: usize> Linear<'a, D> {
-    fn new(
-        pattern: Arc<BlockPattern>,
-        poses: &'a [usize],
-        limits: Limits<'a>,
-    ) -> Result<Self, SolveError> {
+impl<'a> Linear<'a> {
+    pub(super) fn new(pattern: Arc<BlockPattern>, limits: Limits<'a>) -> Result<Self, SolveError> {
         let dimension = pattern.dimension();
         let Limits { ceiling, interrupt } = limits;
         let factor = Cholesky::within(Arc::clone(&pattern), ceiling, interrupt)
             .map_err(|error| from_linear(error, dimension))?;
-        Ok(Self { matrix: BlockMatrix::new(pattern), factor, poses, interrupt })
+        Ok(Self { matrix: BlockMatrix::new(pattern), factor, interrupt })
     }
 
-    fn factor(&mut self, ids: &[i64], what: &'static str) -> Result<(), SolveError> {
+    /// How many scalar rows it has.
+    pub(super) fn dimension(&self) -> usize {
+        self.matrix.pattern().dimension()
+    }
+
+    pub(super) fn factor<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+        &mut self,
+        graph: &PoseGraph<G, N>,
+        rows: &Rows,
+        what: &'static str,
+    ) -> Result<(), SolveError> {
         // The matrix is on the pattern planned for, so that only its values can be at fault.
         let factored = self.factor.factor_until(&self.matrix, &[], self.interrupt);
         factored.map_err(|error| match error {
             LinearError::NotPositiveDefinite { block, .. } | LinearError::NonFinite { block } => {
-                SolveError::Singular { what, id: ids[self.poses[block]] }
+                rows.open(graph, what, block)
             }
             LinearError::DimensionMismatch { .. }
             | LinearError::PatternMismatch { .. }
             | LinearError::TooExpensive(_)
             | LinearError::Interrupted
             | LinearError::TooLarge { .. }
-            | LinearError::OutOfMemory { .. } => from_linear(error, D * self.poses.len()),
+            | LinearError::OutOfMemory { .. } => from_linear(error, self.dimension()),
         })
     }
 
     /// Solves in place with the last factor.
-    fn solve(&mut self, right: &mut [f64]) -> Result<(), SolveError> {
+    pub(super) fn solve(&mut self, right: &mut [f64]) -> Result<(), SolveError> {
         self.factor.solve(right);
         match self.interrupt.is_due() {
             // What is there may be a part of a solution.
@@ -182,10 +252,10 @@ impl<'a, const D: usize> Linear<'a, D> {
 }
 
 /// Matrices near the rotations of the poses that move, in row order.
-fn relaxed_rotations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+fn rotations_of_edges<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &PoseGraph<G, N>,
     rows: &Rows,
-    system: &mut Linear<'_, D>,
+    system: &mut Linear<'_>,
 ) -> Result<Vec<SMatrix<f64, D, D>>, SolveError> {
     system.matrix.set_zero();
     // Row r of each rotation, transposed, is unknown x: the factor is √κ (x_j − Zᵀ x_i).
@@ -221,7 +291,7 @@ fn relaxed_rotations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
             (None, None) => {}
         }
     }
-    system.factor(&graph.ids, "rotation of pose")?;
+    system.factor(graph, rows, "rotation of pose")?;
     right.iter_mut().try_for_each(|right| system.solve(right))?;
     let matrix = |row: usize| SMatrix::from_fn(|r, c| right[r][D * row + c]);
     Ok((0..rows.poses.len()).map(matrix).collect())
@@ -232,10 +302,26 @@ fn translations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &PoseGraph<G, N>,
     rows: &Rows,
     poses: &[G],
-    system: &mut Linear<'_, D>,
+    system: &mut Linear<'_>,
 ) -> Result<Vec<SVector<f64, D>>, SolveError> {
     system.matrix.set_zero();
-    let mut right = vec![0.0; D * rows.poses.len()];
+    let mut right = vec![0.0; D * rows.len()];
+    let add = |system: &mut Linear<'_>,
+               right: &mut [f64],
+               ends: [Option<usize>; 2],
+               weight: &SMatrix<f64, D, D>,
+               pull: &SVector<f64, D>| {
+        for (row, sign) in ends.into_iter().zip([-1.0, 1.0]) {
+            let Some(row) = row else { continue };
+            system.matrix.add_block(row, row, weight);
+            for (value, pull) in right[D * row..].iter_mut().zip(pull.iter()) {
+                *value += sign * pull;
+            }
+        }
+        if let [Some(i), Some(j)] = ends {
+            system.matrix.add_block(i, j, &-weight);
+        }
+    };
     let factor = |edge: &RelativePose<G, N>| {
         let rotation = poses[edge.i].rotation_matrix();
         let omega = edge.information.matrix();
@@ -255,18 +341,30 @@ fn translations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
             Some(_) => SVector::zeros(),
         };
         let pull = weight * (measured + held(edge.i, i) - held(edge.j, j));
-        for (row, sign) in [(i, -1.0), (j, 1.0)] {
-            let Some(row) = row else { continue };
-            system.matrix.add_block(row, row, &weight);
-            for (value, pull) in right[D * row..].iter_mut().zip(pull.iter()) {
-                *value += sign * pull;
-            }
-        }
-        if let (Some(i), Some(j)) = (i, j) {
-            system.matrix.add_block(i, j, &-weight);
-        }
+        add(system, &mut right, [i, j], &weight, &pull);
     }
-    system.factor(&graph.ids, "position of pose")?;
+    for measurement in &graph.landmarks.measurements {
+        let Some((_, z)) = sighted::<D>(measurement) else { continue };
+        let rotation = measurement.pose.map(|pose| poses[pose].rotation_matrix());
+        let rotation = rotation.unwrap_or_else(SMatrix::identity);
+        let omega = measurement.information.matrix();
+        let omega = SMatrix::<f64, D, D>::from_fn(|r, c| omega[(r, c)]);
+        let weight = rotation * omega * rotation.transpose();
+        let (i, landmark) = (measurement.pose, measurement.landmark);
+        let (from, to) = (i.and_then(|pose| rows.of[pose]), rows.of_landmark[landmark]);
+        let held_pose = i.filter(|_| from.is_none()).map(|pose| graph.poses[pose].translation());
+        let position = &graph.landmarks.positions[landmark];
+        let held_landmark = match to {
+            Some(_) => SVector::zeros(),
+            None => SVector::<f64, D>::from_fn(|axis, _| position[axis]),
+        };
+        // l − t_i should be R_i z.
+        let pull =
+            weight * (rotation * z + held_pose.unwrap_or_else(SVector::zeros) - held_landmark);
+        add(system, &mut right, [from, to], &weight, &pull);
+    }
+    system.factor(graph, rows, "position of pose")?;
     system.solve(&mut right)?;
-    Ok(right.chunks_exact(D).map(SVector::from_column_slice).collect())
+    let poses = right.chunks_exact(D).take(rows.poses.len());
+    Ok(poses.map(SVector::from_column_slice).collect())
 }

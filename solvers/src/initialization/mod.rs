@@ -8,11 +8,13 @@
 //! | `triangulation` | points from views |
 //! | `p3p` | a pose from three points |
 //! | `spanning_tree`, `chordal` | starts of pose graphs |
+//! | `relaxation` | rotations of graphs with landmarks, for `chordal` |
 //! | `start`, `alignment` | the choice between them; a whole piece brought to its priors |
 
 mod alignment;
 mod chordal;
 mod p3p;
+mod relaxation;
 mod spanning_tree;
 mod start;
 mod triangulation;

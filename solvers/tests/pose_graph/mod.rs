@@ -14,6 +14,7 @@ mod gnss;
 mod growing;
 mod growing_random;
 mod jacobians;
+mod landmark_starts;
 mod landmarks;
 mod priors;
 mod ranges;
