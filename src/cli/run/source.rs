@@ -146,7 +146,8 @@ impl Recorded {
             tracing::info!("{role} from {topic}");
         }
         for topic in unused {
-            tracing::info!("not used: {topic}");
+            let reason = topic.reason_unused().map(|reason| format!("; {reason}"));
+            tracing::info!("not used: {topic}{}", reason.unwrap_or_default());
         }
         for note in notes {
             tracing::warn!("{note}");

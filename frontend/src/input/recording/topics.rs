@@ -99,6 +99,18 @@ pub struct TopicSummary {
     pub size: Option<(usize, usize)>,
 }
 
+impl TopicSummary {
+    /// Why a run uses no messages of its type, where people expect that it does; for the log of a run.
+    #[must_use]
+    pub fn reason_unused(&self) -> Option<&'static str> {
+        match &*self.type_name {
+            "sensor_msgs/msg/Imu" => Some("the server takes no inertial measurements"),
+            "sensor_msgs/msg/NavSatFix" => Some("a run sends no positions of satellites"),
+            _ => None,
+        }
+    }
+}
+
 impl fmt::Display for TopicSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, type_name, serialization, count, pixels, size } = self;
