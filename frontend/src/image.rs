@@ -19,8 +19,8 @@ pub struct RgbdFrame {
     pub color: Image<[u8; 3]>,
     /// Distance along the optical axis (z, not the range), in meters; 0 where none was measured.
     pub depth_m: Image<f32>,
-    /// The pose that the source itself gives, as a phone does: world_from_camera in a world of its own,
-    /// meters. Tracking starts from the motion between two of them; it is no result.
+    /// The pose that the source itself gives, as a phone or a robot's odometry does: world_from_camera in a
+    /// world of its own, meters. Tracking starts from the motion between two of them; it is no result.
     pub given_pose: Option<Se3>,
 }
 

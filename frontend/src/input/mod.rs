@@ -53,6 +53,12 @@ pub trait FrameSource: Send {
     /// When its rows and its depth are taken.
     fn timing(&self) -> SensorTiming;
 
+    /// Whether [`RgbdFrame::given_pose`] is odometry, which goes to the server as a measurement. Otherwise it
+    /// is a start for tracking and nothing else.
+    fn has_odometry(&self) -> bool {
+        false
+    }
+
     /// How many times [`FrameSource::next_frame`] answers in all, frames and errors together.
     fn len(&self) -> usize;
 

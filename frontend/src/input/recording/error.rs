@@ -180,6 +180,50 @@ pub enum RecordingError {
         /// Why.
         source: MessageError,
     },
+    /// A message that the whole recording depends on cannot be read.
+    #[error("{}: {topic}: {source}", path.display())]
+    Message {
+        /// The recording.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// Why.
+        source: MessageError,
+    },
+    /// Odometry is of a body that no chain of static transforms joins with the camera.
+    #[error(
+        "{}: odometry is of frame `{body}`, color is in frame `{camera}`, and no static transforms          (tf2_msgs/msg/TFMessage on tf_static) join them; frames of these transforms: {}",
+        path.display(),
+        if frames.is_empty() { "none".to_owned() } else { frames.join(", ") }
+    )]
+    NoTransform {
+        /// The recording.
+        path: PathBuf,
+        /// The frame of the body.
+        body: String,
+        /// That of the color images.
+        camera: String,
+        /// All frames that the static transforms name.
+        frames: Vec<String>,
+    },
+    /// A topic has fewer than two poses.
+    #[error("{}: {topic} has fewer than two poses that can be read; odometry needs two", path.display())]
+    NoOdometry {
+        /// The recording.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+    },
+    /// Odometry was recorded at other times than images, or by another clock.
+    #[error("{}: {topic} has no pose at the time of any image of {color}", path.display())]
+    OdometryElsewhere {
+        /// The recording.
+        path: PathBuf,
+        /// The topic of odometry.
+        topic: String,
+        /// That of color.
+        color: String,
+    },
 }
 
 /// What is wrong with a record of an MCAP file.
@@ -379,6 +423,20 @@ pub enum Note {
         /// That of depth.
         depth: String,
     },
+    /// Messages of odometry that cannot be used.
+    NoPoses {
+        /// The topic.
+        topic: String,
+        /// How many.
+        messages: usize,
+    },
+    /// Color images at whose time odometry has no pose.
+    WithoutOdometry {
+        /// The topic of odometry.
+        topic: String,
+        /// How many.
+        images: usize,
+    },
 }
 
 impl fmt::Display for Note {
@@ -410,6 +468,14 @@ impl fmt::Display for Note {
                 "color is in frame `{color}` and depth in `{depth}`: depth must be registered to color, \
                  else the map will be wrong"
             ),
+            Self::NoPoses { topic, messages } => write!(
+                f,
+                "{topic}: {messages} messages are no poses, are of another body than the first, or repeat \
+                 a time; not used"
+            ),
+            Self::WithoutOdometry { topic, images } => {
+                write!(f, "{topic} has no pose at the time of {images} images")
+            }
         }
     }
 }

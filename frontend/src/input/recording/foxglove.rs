@@ -46,7 +46,12 @@ pub(super) fn sample(kind: Kind, head: &[u8]) -> Sample {
                 sample.frame_id = text();
             }
             (
-                Kind::Image | Kind::CompressedImage | Kind::CameraInfo | Kind::Pose | Kind::Other,
+                Kind::Image
+                | Kind::CompressedImage
+                | Kind::CameraInfo
+                | Kind::Pose
+                | Kind::StaticTransforms
+                | Kind::Other,
                 _,
             ) => {}
         }

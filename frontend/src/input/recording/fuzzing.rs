@@ -4,6 +4,7 @@
 //! promise is broken.
 
 use super::messages::{self, CameraInfo, CompressedImage, Encoding, Kind, RawImage, Sample};
+use super::transforms::Transforms;
 use super::{camera_info, images, poses};
 use crate::camera::FrameCamera;
 
@@ -12,20 +13,28 @@ pub fn ros_message(input: &[u8]) {
     message(Encoding::Cdr, input);
     message(Encoding::Protobuf, input);
     pose(input);
+    let _added = Transforms::default().add(input);
 }
 
 /// As [`ros_message`]: the pose of a message has a finite position.
 fn pose(input: &[u8]) {
     for type_name in ["nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped"] {
-        if let Ok(pose) = poses::pose(type_name, input) {
-            assert!(pose.translation.iter().all(|value| value.is_finite()), "{pose:?}");
+        if let Ok(read) = poses::pose(type_name, input) {
+            assert!(read.pose.translation.iter().all(|value| value.is_finite()), "{read:?}");
         }
     }
 }
 
 fn message(encoding: Encoding, input: &[u8]) {
     let _time = messages::timestamp_s(encoding, input);
-    for kind in [Kind::Image, Kind::CompressedImage, Kind::CameraInfo, Kind::Pose, Kind::Other] {
+    for kind in [
+        Kind::Image,
+        Kind::CompressedImage,
+        Kind::CameraInfo,
+        Kind::Pose,
+        Kind::StaticTransforms,
+        Kind::Other,
+    ] {
         let _told = Sample::of(encoding, kind, input);
     }
     if let Ok(image) = RawImage::read(encoding, input) {

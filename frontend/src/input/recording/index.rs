@@ -59,7 +59,7 @@ pub(super) struct Topic {
     pub(super) kind: Kind,
     /// All messages.
     pub(super) count: u64,
-    /// Those that may be read: all images and poses, and the first message about a camera.
+    /// Those that may be read: all images, poses and static transforms, and the first message about a camera.
     pub(super) messages: Vec<Message>,
     /// What the first message says.
     pub(super) sample: Sample,
@@ -145,7 +145,7 @@ impl Index {
             name: name.to_owned(),
             type_name: type_name.to_owned(),
             encoding: encoding.to_owned(),
-            kind: Kind::of(type_name, encoding),
+            kind: Kind::of(name, type_name, encoding),
             count: 0,
             messages: Vec::new(),
             sample: Sample::default(),
@@ -166,7 +166,11 @@ impl Index {
         match topic.kind {
             Kind::Other => return,
             Kind::CameraInfo if !topic.messages.is_empty() => return,
-            Kind::Image | Kind::CompressedImage | Kind::CameraInfo | Kind::Pose => {}
+            Kind::Image
+            | Kind::CompressedImage
+            | Kind::CameraInfo
+            | Kind::Pose
+            | Kind::StaticTransforms => {}
         }
         if topic.messages.is_empty() {
             topic.sample = Sample::of(topic.encoding(), topic.kind, head);

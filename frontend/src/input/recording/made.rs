@@ -12,11 +12,15 @@ impl Writer {
     /// Begins with a header of this time, s.
     fn new(timestamp_s: f64, frame_id: &str) -> Self {
         let mut writer = Self(Vec::new());
-        let seconds = timestamp_s.floor();
-        writer.number((seconds as i32).to_le_bytes());
-        writer.u32(((timestamp_s - seconds) * 1e9).round() as u32);
-        writer.text(frame_id);
+        writer.header(timestamp_s, frame_id);
         writer
+    }
+
+    fn header(&mut self, timestamp_s: f64, frame_id: &str) {
+        let seconds = timestamp_s.floor();
+        self.number((seconds as i32).to_le_bytes());
+        self.u32(((timestamp_s - seconds) * 1e9).round() as u32);
+        self.text(frame_id);
     }
 
     fn number<const N: usize>(&mut self, bytes: [u8; N]) {
@@ -68,6 +72,19 @@ pub fn pose(timestamp_s: f64, frame_id: &str, child: Option<&str>, values: [f64;
     let mut writer = Writer::new(timestamp_s, frame_id);
     child.into_iter().for_each(|child| writer.text(child));
     values.into_iter().for_each(|value| writer.number(value.to_le_bytes()));
+    writer.message()
+}
+
+/// `tf2_msgs/msg/TFMessage` of transforms with parent, child, and parent_from_child as [`pose`] has it.
+#[must_use]
+pub fn transforms(parts: &[(&str, &str, [f64; 7])]) -> Vec<u8> {
+    let mut writer = Writer(Vec::new());
+    writer.u32(parts.len() as u32);
+    for (parent, child, values) in parts {
+        writer.header(0.0, parent);
+        writer.text(child);
+        values.iter().for_each(|value| writer.number(value.to_le_bytes()));
+    }
     writer.message()
 }
 
@@ -135,6 +152,7 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ("foxglove-color", foxglove::compressed_image(1.0, "color", "png", &png)),
         ("foxglove-camera", foxglove::camera_calibration("", size, "plumb_bob", camera, &[0.1])),
         ("odometry", pose(1.0, "odom", Some("base"), [1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8])),
+        ("transforms", transforms(&[("base", "camera", [0.5, 0.0, 1.0, 0.0, 0.0, 0.6, 0.8])])),
         ("camera-rational", camera_info("color", size, "rational_polynomial", camera, &[0.1; 8])),
     ]
 }

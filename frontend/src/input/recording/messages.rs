@@ -16,6 +16,8 @@ pub(super) enum Kind {
     CameraInfo,
     /// One of those that have a pose.
     Pose,
+    /// Transforms that do not change with time.
+    StaticTransforms,
     /// Something else, or something in another encoding.
     Other,
 }
@@ -37,14 +39,18 @@ impl Encoding {
 }
 
 impl Kind {
-    /// By the names of the type and of the encoding.
-    pub(super) fn of(type_name: &str, encoding: &str) -> Self {
+    /// By the names of the topic, the type and the encoding.
+    pub(super) fn of(topic: &str, type_name: &str, encoding: &str) -> Self {
         match type_name {
             _ if encoding == "protobuf" => foxglove::kind(type_name),
             _ if encoding != "cdr" => Self::Other,
             "sensor_msgs/msg/Image" => Self::Image,
             "sensor_msgs/msg/CompressedImage" => Self::CompressedImage,
             "sensor_msgs/msg/CameraInfo" => Self::CameraInfo,
+            // The same type has those that change.
+            "tf2_msgs/msg/TFMessage" if topic.rsplit('/').next() == Some("tf_static") => {
+                Self::StaticTransforms
+            }
             _ if poses::has_pose(type_name) => Self::Pose,
             _ => Self::Other,
         }
@@ -112,7 +118,8 @@ impl Sample {
                     let (height, width) = (cdr.u32("height")? as usize, cdr.u32("width")? as usize);
                     Self { frame_id, encoding: String::new(), size: Some((width, height)) }
                 }
-                Kind::Pose | Kind::Other => Self { frame_id, ..Self::default() },
+                Kind::Pose => Self { frame_id, ..Self::default() },
+                Kind::StaticTransforms | Kind::Other => Self::default(),
             })
         };
         read().unwrap_or_default()

@@ -16,6 +16,7 @@
 //! | `images`, `camera_info` | what pixels and lenses mean |
 //! | `source` | the frames |
 //! | `poses` | the trajectory of a topic, in place of frames |
+//! | `odometry`, `transforms` | where the camera was by odometry of another frame of its robot |
 //! | `error` | what is wrong with a recording or a message, and what the caller should know |
 
 mod bag;
@@ -30,11 +31,13 @@ mod index;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod made;
 mod messages;
+mod odometry;
 mod poses;
 mod protobuf;
 mod source;
 mod storage;
 mod topics;
+mod transforms;
 
 use std::path::{Path, PathBuf};
 
@@ -49,6 +52,7 @@ use super::folder::ImplausibleDepth;
 use super::{FrameSource, camera_file};
 use index::{Index, Topic};
 use messages::CameraInfo;
+use odometry::Odometry;
 use source::{Files, RecordedFrames};
 use storage::Storage;
 
@@ -67,7 +71,8 @@ pub struct RecordingOptions<'a> {
 pub struct OpenRecording {
     /// Its frames.
     pub source: Box<dyn FrameSource>,
-    /// The topics that are used: color, depth, and the camera's where the caller gave no camera.
+    /// The topics that are used: color, depth, the camera's where the caller gave no camera, and odometry where
+    /// the caller named it.
     pub used: Vec<(Role, TopicSummary)>,
     /// The topics that are not.
     pub unused: Vec<TopicSummary>,
@@ -122,10 +127,24 @@ pub fn open_recording(
         }
     };
     check_registration(path, &mut files, &topics, [color, depth], &mut notes)?;
+    let odometry = options.topics.odometry.map(|named| topics::odometry(path, &topics, named));
+    let odometry = odometry.transpose()?;
+    let frame = &color.sample.frame_id;
+    let measured = odometry
+        .map(|topic| Odometry::read(path, &mut files, &topics, topic, frame, &mut notes))
+        .transpose()?;
     let units = options.depth_units_per_m;
     let mut source = RecordedFrames::new(path, files, camera, [color, depth], units, &mut notes)?;
+    if let Some((topic, measured)) = odometry.zip(measured) {
+        source = source.with_odometry(path, topic, measured, &mut notes)?;
+    }
     let implausible_depth = source.implausible_depth();
-    let roles = [(Role::Color, Some(color)), (Role::Depth, Some(depth)), (Role::Camera, info)];
+    let roles = [
+        (Role::Color, Some(color)),
+        (Role::Depth, Some(depth)),
+        (Role::Camera, info),
+        (Role::Odometry, odometry),
+    ];
     let used: Vec<_> =
         roles.into_iter().filter_map(|(role, topic)| Some((role, topic?.summary()))).collect();
     let mut unused: Vec<_> = topics.iter().map(Topic::summary).collect();

@@ -38,8 +38,8 @@ pub fn read_trajectory(
     let mut files = Files::new(paths);
     let mut poses = Vec::new();
     for message in &topic.messages {
-        if let Ok(pose) = pose(&topic.type_name, files.read(message.place)?) {
-            poses.push((message.timestamp_s, pose));
+        if let Ok(read) = pose(&topic.type_name, files.read(message.place)?) {
+            poses.push((message.timestamp_s, read.pose));
         }
     }
     poses.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -61,13 +61,33 @@ pub(super) fn has_pose(type_name: &str) -> bool {
     .contains(&type_name)
 }
 
-/// The pose of a message: in the frame of its header, from that of its body.
-pub(super) fn pose(type_name: &str, message: &[u8]) -> Result<Se3, MessageError> {
+/// Whether messages of a type name the body whose pose they have.
+pub(super) fn names_body(type_name: &str) -> bool {
+    ["nav_msgs/msg/Odometry", "geometry_msgs/msg/TransformStamped"].contains(&type_name)
+}
+
+/// The pose of a message.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BodyPose<'a> {
+    /// The frame of the body, where the message names it.
+    pub(super) body: Option<&'a str>,
+    /// In the frame of the header, from that of the body.
+    pub(super) pose: Se3,
+}
+
+/// Reads the pose of a message.
+pub(super) fn pose<'a>(type_name: &str, message: &'a [u8]) -> Result<BodyPose<'a>, MessageError> {
     let mut cdr = Cdr::new(message)?;
     Header::read(&mut cdr)?;
-    if ["nav_msgs/msg/Odometry", "geometry_msgs/msg/TransformStamped"].contains(&type_name) {
-        cdr.text("child_frame_id")?;
-    }
+    let body = match names_body(type_name) {
+        true => Some(cdr.text("child_frame_id")?),
+        false => None,
+    };
+    Ok(BodyPose { body, pose: rigid(&mut cdr)? })
+}
+
+/// Reads a position and a quaternion (x, y, z, w).
+pub(super) fn rigid(cdr: &mut Cdr<'_>) -> Result<Se3, MessageError> {
     let position: [f64; 3] = cdr.array("position")?;
     let [x, y, z, w] = cdr.array("orientation")?;
     let bad = |field, value| MessageError::Pose { field, value };
@@ -95,7 +115,8 @@ mod tests {
         ] {
             assert!(has_pose(type_name));
             let message = made::pose(1.5, "odom", child, values);
-            let found = pose(type_name, &message).unwrap();
+            let BodyPose { body, pose: found } = pose(type_name, &message).unwrap();
+            assert_eq!(body, child);
             assert_eq!(found.translation, Vector3::new(1.0, 2.0, 3.0), "{type_name}");
             assert_eq!(found.rotation.quaternion().k.abs(), 1.0, "{type_name}");
             assert!(pose(type_name, &message[..message.len() - 1]).is_err());

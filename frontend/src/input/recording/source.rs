@@ -10,6 +10,7 @@ use super::error::{MessageError, Note, RecordingError};
 use super::images;
 use super::index::{Message, Place, Topic};
 use super::messages::{CompressedImage, Encoding, Kind, RawImage};
+use super::odometry::Odometry;
 use super::storage::Storage;
 use crate::image::{Image, RgbdFrame};
 use crate::input::folder::{ImplausibleDepth, SCALE_IMAGES};
@@ -69,6 +70,7 @@ pub(super) struct RecordedFrames {
     depth: Images,
     /// Units of depth a meter, where the caller gives them.
     units_per_m: Option<f32>,
+    odometry: Option<Odometry>,
     pairs: Vec<Pair>,
     next: usize,
     /// Of the first frame that was read.
@@ -128,7 +130,29 @@ impl RecordedFrames {
             is_compressed: topic.kind == Kind::CompressedImage,
             encoding: topic.encoding(),
         });
-        Ok(Self { camera, files, color, depth, units_per_m, pairs, next: 0, size: None })
+        let (odometry, next, size) = (None, 0, None);
+        Ok(Self { camera, files, color, depth, units_per_m, odometry, pairs, next, size })
+    }
+
+    /// The same with the camera's poses by the odometry of a topic. Fails where no frame has one.
+    pub(super) fn with_odometry(
+        self,
+        path: &Path,
+        topic: &Topic,
+        odometry: Odometry,
+        notes: &mut Vec<Note>,
+    ) -> Result<Self, RecordingError> {
+        let has_none = |pair: &&Pair| odometry.at(pair.color.timestamp_s).is_none();
+        let images = self.pairs.iter().filter(has_none).count();
+        let topic = topic.name.clone();
+        if images == self.pairs.len() {
+            let (path, color) = (path.to_owned(), self.color.name);
+            return Err(RecordingError::OdometryElsewhere { path, topic, color });
+        }
+        if images > 0 {
+            notes.push(Note::WithoutOdometry { topic, images });
+        }
+        Ok(Self { odometry: Some(odometry), ..self })
     }
 
     /// Why millimeters do not seem to be the recording's unit, by its first depth images.
@@ -199,7 +223,7 @@ impl RecordedFrames {
             depth_delay_s: depth.timestamp_s - color.timestamp_s,
             color: image,
             depth_m,
-            given_pose: None,
+            given_pose: self.odometry.as_ref().and_then(|found| found.at(color.timestamp_s)),
         })
     }
 }
@@ -212,6 +236,10 @@ impl FrameSource for RecordedFrames {
     /// A recording does not say: rows and depth are taken at the timestamps.
     fn timing(&self) -> SensorTiming {
         SensorTiming::default()
+    }
+
+    fn has_odometry(&self) -> bool {
+        self.odometry.is_some()
     }
 
     fn len(&self) -> usize {

@@ -7,9 +7,9 @@ use std::fmt;
 use std::path::Path;
 
 use super::error::RecordingError;
-use super::images;
 use super::index::Topic;
 use super::messages::Kind;
+use super::{images, poses};
 
 /// What a topic is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,6 +22,8 @@ pub enum Role {
     Camera,
     /// Poses.
     Trajectory,
+    /// Odometry of the camera's robot.
+    Odometry,
 }
 
 impl Role {
@@ -32,6 +34,7 @@ impl Role {
             Self::Depth => "--depth-topic",
             Self::Camera => "--camera-info-topic",
             Self::Trajectory => "PATH:TOPIC",
+            Self::Odometry => "--odometry",
         }
     }
 
@@ -51,6 +54,7 @@ impl Role {
                 "nav_msgs/msg/Odometry, or PoseStamped, PoseWithCovarianceStamped or TransformStamped of \
                  geometry_msgs"
             }
+            Self::Odometry => "nav_msgs/msg/Odometry or geometry_msgs/msg/TransformStamped",
         }
     }
 
@@ -63,9 +67,15 @@ impl Role {
             (Self::Depth, Kind::Image) => images::is_depth(encoding),
             (Self::Depth, Kind::CompressedImage) => images::is_compressed_depth(encoding),
             (Self::Camera, Kind::CameraInfo) | (Self::Trajectory, Kind::Pose) => true,
+            (Self::Odometry, Kind::Pose) => poses::names_body(&topic.type_name),
             (
                 _,
-                Kind::Image | Kind::CompressedImage | Kind::CameraInfo | Kind::Pose | Kind::Other,
+                Kind::Image
+                | Kind::CompressedImage
+                | Kind::CameraInfo
+                | Kind::Pose
+                | Kind::StaticTransforms
+                | Kind::Other,
             ) => false,
         }
     }
@@ -78,6 +88,7 @@ impl fmt::Display for Role {
             Self::Depth => "depth",
             Self::Camera => "the camera",
             Self::Trajectory => "a trajectory",
+            Self::Odometry => "odometry",
         })
     }
 }
@@ -105,6 +116,7 @@ impl TopicSummary {
     pub fn reason_unused(&self) -> Option<&'static str> {
         match &*self.type_name {
             "sensor_msgs/msg/Imu" => Some("the server takes no inertial measurements"),
+            "nav_msgs/msg/Odometry" => Some("--odometry names the topic that a run is to use"),
             "sensor_msgs/msg/NavSatFix" => Some("a run sends no positions of satellites"),
             _ => None,
         }
@@ -135,6 +147,8 @@ pub struct TopicNames<'a> {
     pub depth: Option<&'a str>,
     /// The topic of the camera.
     pub camera_info: Option<&'a str>,
+    /// The topic of odometry; none is used where none is named.
+    pub odometry: Option<&'a str>,
 }
 
 /// The topics of color and depth.
@@ -155,6 +169,15 @@ pub(super) fn trajectory<'a>(
     named: Option<&str>,
 ) -> Result<&'a Topic, RecordingError> {
     choose(path, topics, Role::Trajectory, named, |_| 0)
+}
+
+/// The named topic of odometry.
+pub(super) fn odometry<'a>(
+    path: &Path,
+    topics: &'a [Topic],
+    named: &str,
+) -> Result<&'a Topic, RecordingError> {
+    choose(path, topics, Role::Odometry, Some(named), |_| 0)
 }
 
 /// The topic of a camera: the named one, else `camera_info` beside the images, else the only one.
@@ -261,6 +284,7 @@ mod tests {
             Kind::CompressedImage => "sensor_msgs/msg/CompressedImage",
             Kind::CameraInfo => "sensor_msgs/msg/CameraInfo",
             Kind::Pose => "nav_msgs/msg/Odometry",
+            Kind::StaticTransforms => "tf2_msgs/msg/TFMessage",
             Kind::Other => "sensor_msgs/msg/Imu",
         };
         let sample = Sample {
