@@ -8,7 +8,8 @@
 //! | D. pose from the static matches | `pose` | `RefinedPose` |
 //! | keyframe, and what the next frame needs | this | [`Outcome`] |
 //!
-//! `beginning` makes the first keyframe; `relocalization` asks for the pose after tracking was lost.
+//! `beginning` makes the first keyframe; `relocalization` asks for the pose after tracking was lost;
+//! `odometry` follows what a robot measures of its motion.
 //!
 //! This is tracking, the first of the paper's four threads. Tracked frames are handed to dense mapping
 //! (`crate::dense::thread`). The server does local mapping and loop closing: keyframes are sent and
@@ -20,6 +21,7 @@
 mod beginning;
 mod initial;
 mod movement;
+mod odometry;
 mod pose;
 pub mod relocalization;
 #[cfg(test)]
@@ -46,6 +48,7 @@ use super::tracking::rotation::SmallImage;
 use super::tracking::surfaces::Surfaces;
 use beginning::FirstFrame;
 use movement::usable_mask;
+use odometry::Odometry;
 use pose::{FEW_INLIERS, LEAST_INLIERS};
 use relocalization::{Asked, Question};
 
@@ -67,6 +70,9 @@ pub struct PipelineOptions {
     pub timing: SensorTiming,
     /// The most keyframes of the local map, at least 1: what lies outside has no images in memory.
     pub most_keyframes: usize,
+    /// Whether the poses that frames are given are odometry: keyframes are sent with it, and it says where the
+    /// camera is while tracking is lost. Otherwise tracking only starts from them.
+    pub has_odometry: bool,
 }
 
 impl Default for PipelineOptions {
@@ -75,6 +81,7 @@ impl Default for PipelineOptions {
             removes_motion: true,
             timing: SensorTiming::default(),
             most_keyframes: MOST_KEYFRAMES,
+            has_odometry: false,
         }
     }
 }
@@ -257,6 +264,8 @@ pub struct Pipeline {
     options: PipelineOptions,
     map: LocalMap,
     detector: Option<MotionDetector>,
+    /// Present where the source measures odometry.
+    odometry: Option<Odometry>,
     first: Option<FirstFrame>,
     last: Option<LastFrame>,
     since_keyframe: usize,
@@ -272,12 +281,14 @@ impl Pipeline {
     #[must_use]
     pub fn new(camera: FrameCamera, options: PipelineOptions) -> Self {
         let detector = options.removes_motion.then(|| MotionDetector::new(&camera));
+        let odometry = options.has_odometry.then(Odometry::default);
         let map = LocalMap::default();
         Self {
             camera,
             options,
             map,
             detector,
+            odometry,
             first: None,
             last: None,
             since_keyframe: 0,
@@ -438,6 +449,14 @@ impl Pipeline {
                 timestamp_s,
                 &inliers,
             )
+        });
+        let new = new.map(|new| match &mut self.odometry {
+            Some(odometry) => {
+                let tracked = &new.odom_from_camera;
+                let odom_from_camera = odometry.next(frame.rgbd.given_pose.as_ref(), tracked);
+                NewKeyframe { odom_from_camera, ..new }
+            }
+            None => new,
         });
         if let Some(new) = &new {
             self.since_keyframe = 0;

@@ -5,7 +5,8 @@
 //! of an earlier frame; the motion since then carries it to the newest frame, however late it comes.
 //! Where that motion is lost too, the newest frame is asked for instead. Besides, each frame is aligned
 //! with the last one whose pose is known: without any answer tracking resumes where the camera comes
-//! back to it. A frame that was found is not published, because how the camera turns meanwhile, and so
+//! back to it. With odometry nothing is asked for: where no landmark confirms the frame, odometry says where
+//! it is, and the place is mapped anew. A frame that was found is not published, because how the camera turns meanwhile, and so
 //! the error of its shutter, is not known: the next one is tracked from it.
 
 use std::sync::Arc;
@@ -69,13 +70,27 @@ pub(super) struct Asked {
 impl Pipeline {
     /// Takes a frame after tracking was lost.
     pub(super) fn track_lost_frame(&mut self, frame: &CurrentFrame<'_>) -> Option<Question> {
-        let Some(pose) = self.relocalize_near_last_pose(frame) else {
-            return self.request_relocalization(frame);
-        };
         let view = frame.view(&self.camera, frame.given_mask);
+        let (pose, state) = match self.relocalize_near_last_pose(frame) {
+            Some(pose) => (pose, State::Confirmed),
+            None => match self.odometry_since_last_pose(frame) {
+                Some(pose) if features(&view).len() >= LEAST_FEATURES => (pose, State::Located),
+                _ => return self.request_relocalization(frame),
+            },
+        };
         let newest = lost_frame(frame, &view, pose, Motion::unknown());
-        self.resume_from(newest, State::Confirmed);
+        self.resume_from(newest, state);
         None
+    }
+
+    /// The pose of a frame by odometry since the last one whose pose is known. No landmark need confirm it:
+    /// odometry drifts and does not jump.
+    fn odometry_since_last_pose(&self, frame: &CurrentFrame<'_>) -> Option<CameraPose> {
+        self.odometry.as_ref()?;
+        let last = self.last.as_ref()?;
+        let last_from_camera = last.given_pose?.inverse().compose(&frame.rgbd.given_pose?);
+        let world_from_camera = last.pose.world_from_camera.compose(&last_from_camera);
+        Some(last.pose.moved_to(&world_from_camera))
     }
 
     /// The pose of a frame near the last one whose pose is known, confirmed by landmarks.
