@@ -81,6 +81,7 @@ mod process;
 mod proto_compat;
 mod proxy;
 mod random_calls;
+mod recorded_odometry;
 mod recordings;
 mod reference;
 mod relocalization;

@@ -37,7 +37,7 @@ use super::record::{FrameWriter, RunRecording};
 use super::volume::Measures;
 use crate::client::Client;
 use crate::frontend::image::{Image, RgbdFrame};
-use crate::frontend::input::{FrameError, SensorTiming};
+use crate::frontend::input::{FrameError, FrameSource, SensorTiming};
 use crate::frontend::local_map::MOST_KEYFRAMES;
 use crate::frontend::mapping::run::{Companion, MOST_HELD, RunReport, Target, run as track};
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
@@ -70,6 +70,10 @@ pub(super) struct Args {
     format: TrajectoryFormat,
     #[command(flatten)]
     recorded: Recorded,
+    /// Topic of odometry in an MCAP file or a bag. The motion between keyframes goes to the server as a
+    /// measurement, whose noise the server finds. Static transforms must join its frame with the camera's.
+    #[arg(long, value_name = "TOPIC")]
+    odometry: Option<String>,
     /// Time from the first row's exposure to the last row's [default: from camera.txt, else a
     /// Kinect's 26.1; of an MCAP file or a bag 0].
     #[arg(long, value_name = "MILLISECONDS")]
@@ -173,7 +177,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
             ceiling: args.measures.ceiling(&args.out),
             every,
         }),
-        recorded: args.recorded.clone(),
+        recorded: args.recorded.clone().with_odometry(args.odometry.clone()),
         timing: (seconds(args.readout_ms), seconds(args.depth_late_ms)),
         removes_motion: !args.no_mask,
         mask_dir: args.mask_dir.clone(),
@@ -259,7 +263,9 @@ pub(super) async fn sequence(
     };
     let removes_motion = options.removes_motion;
     let most_keyframes = options.most_keyframes.unwrap_or(MOST_KEYFRAMES);
-    let options_of_tracking = PipelineOptions { removes_motion, timing, most_keyframes };
+    let has_odometry = frames.has_odometry();
+    let options_of_tracking =
+        PipelineOptions { removes_motion, timing, most_keyframes, has_odometry };
     let pipeline = Pipeline::new(camera, options_of_tracking);
     client
         .create_map(map, None)

@@ -91,15 +91,23 @@ pub(in crate::cli) struct Recorded {
     /// Topic of the depth images, registered to color [default: found by type and name].
     #[arg(long, value_name = "TOPIC")]
     depth_topic: Option<String>,
+    /// Topic of odometry, where a run is given one.
+    #[arg(skip)]
+    odometry: Option<String>,
     /// Topic of the camera's intrinsics [default: camera_info beside the color images].
     #[arg(long, value_name = "TOPIC")]
     camera_info_topic: Option<String>,
 }
 
 impl Recorded {
+    /// The same with the topic of odometry, which only a run takes.
+    pub(super) fn with_odometry(self, odometry: Option<String>) -> Self {
+        Self { odometry, ..self }
+    }
+
     /// Whether a topic is named.
     fn names_topics(&self) -> bool {
-        [&self.color_topic, &self.depth_topic, &self.camera_info_topic]
+        [&self.color_topic, &self.depth_topic, &self.camera_info_topic, &self.odometry]
             .iter()
             .any(|topic| topic.is_some())
     }
@@ -125,6 +133,7 @@ impl Recorded {
             color: self.color_topic.as_deref(),
             depth: self.depth_topic.as_deref(),
             camera_info: self.camera_info_topic.as_deref(),
+            odometry: self.odometry.as_deref(),
         };
         let options = RecordingOptions {
             camera: self.camera.as_deref(),
@@ -308,6 +317,10 @@ impl FrameSource for Peeked {
 
     fn timing(&self) -> SensorTiming {
         self.source.timing()
+    }
+
+    fn has_odometry(&self) -> bool {
+        self.source.has_odometry()
     }
 
     fn len(&self) -> usize {
