@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use covis::client::Client;
 use covis::frontend::camera::FrameCamera;
 use covis::frontend::image::{Image, RgbdFrame};
-use covis::frontend::input::FrameSource;
 use covis::frontend::input::fuzzing::ros_messages::{camera_info, image, pose, transforms};
 use covis::frontend::input::recording::{RecordingOptions, TopicNames, open_recording};
 use covis::frontend::mapping::run::{Companion, MOST_HELD, RunReport, Target, run as track};
@@ -153,7 +152,7 @@ fn frame_at(timestamp_s: f64) -> usize {
     ((timestamp_s - first_s) * covis::frontend::synthetic::RATE_HZ).round() as usize
 }
 
-/// How many frames were tracked, and the largest distance of one to where it was, m.
+/// How many frames were tracked to within 5 cm, and the largest distance of one to where it was, m.
 fn errors(report: &RunReport) -> (usize, f64) {
     let walk = walk();
     let first = walk.world_from_camera(0);
@@ -161,7 +160,9 @@ fn errors(report: &RunReport) -> (usize, f64) {
         let truth = first.inverse().compose(&walk.world_from_camera(frame_at(timestamp_s)));
         (found.translation - truth.translation).norm()
     };
-    (report.trajectory.len(), report.trajectory.iter().map(distance).fold(0.0, f64::max))
+    let distances: Vec<f64> = report.trajectory.iter().map(distance).collect();
+    let near = distances.iter().filter(|distance| **distance < 0.05).count();
+    (near, distances.into_iter().fold(0.0, f64::max))
 }
 
 fn bag(
@@ -223,14 +224,17 @@ fn odometry_carries_tracking_where_frames_are_far_apart_and_through_the_dark() {
         {
             let (_folder, path) = bag(step, dark.clone(), [0.02, 0.02]);
             let all = (0..FRAMES).step_by(step).filter(|index| !dark.contains(index)).count();
-            let (found, most_m) =
-                errors(&tracked(&client, &format!("{name}-without"), &path, None).await);
-            let report = tracked(&client, &format!("{name}-with"), &path, Some("/wheels/odom"));
-            let (found_with, most_with_m) = errors(&report.await);
+            let [without, with] = ["without", "with"].map(|which| format!("{name}-{which}"));
+            let (near, most_m) = errors(&tracked(&client, &without, &path, None).await);
+            let report = tracked(&client, &with, &path, Some("/wheels/odom")).await;
+            let (near_with, most_with_m) = errors(&report);
             println!(
-                "{name}: of {all} frames {found} tracked, {most_m:.4} m off at most; with odometry \
-                 {found_with}, {most_with_m:.4} m"
+                "{name}: of {all} frames {near} are within 5 cm, {most_m:.4} m off at most; with odometry \
+                 {near_with}, {most_with_m:.4} m"
             );
+            let gains = ["faster", "dark"].contains(&name);
+            assert!(near_with >= near + usize::from(gains), "{name}: {near_with}, not {near}");
+            assert!(100 * near_with >= 90 * all, "{name}: {near_with} of {all}");
         }
     });
 }

@@ -8,7 +8,9 @@ use std::path::Path;
 use std::process::Command;
 
 use covis::frontend::image::RgbdFrame;
-use covis::frontend::input::fuzzing::ros_messages::{camera_info, foxglove, image, pose};
+use covis::frontend::input::fuzzing::ros_messages::{
+    camera_info, foxglove, image, point_cloud, pose,
+};
 use covis::frontend::input::{FolderOptions, open_folder};
 use covis_solvers::testing::{data, skip};
 use fs_err as fs;
@@ -95,6 +97,44 @@ fn write_mcap(
     writer.finish().unwrap();
 }
 
+/// An MCAP file of these frames, with depth as points in rows, in this frame. Color is in the frame `color`.
+fn write_clouds(path: &Path, frames: &[RgbdFrame], camera: &[f64; 9], frame_id: &str) {
+    let mut writer = mcap::Writer::new(fs::File::create(path).unwrap()).unwrap();
+    let mut channel = |topic: &str, kind: &str| {
+        let schema = writer.add_schema(kind, "ros2msg", b"").unwrap();
+        writer.add_channel(schema, topic, "cdr", &Default::default()).unwrap()
+    };
+    let channels = [
+        channel("/cam/color/image_raw", "sensor_msgs/msg/Image"),
+        channel("/cam/points", "sensor_msgs/msg/PointCloud2"),
+        channel("/cam/color/camera_info", "sensor_msgs/msg/CameraInfo"),
+        channel("/lidar/points", "sensor_msgs/msg/PointCloud2"),
+    ];
+    let [fx, fy, cx, cy, d @ ..] = *camera;
+    for frame in frames {
+        let ([color_s, depth_s], size) = (times_s(frame), frame.color.size());
+        let point = |(index, &z): (usize, &f32)| {
+            let [u, v] = [index % size.0, index / size.0].map(|at| at as f32);
+            let [x, y] = [(u - cx as f32) / fx as f32 * z, (v - cy as f32) / fy as f32 * z];
+            if z > 0.0 { [x, y, z] } else { [f32::NAN; 3] }
+        };
+        let points: Vec<_> = frame.depth_m.pixels().iter().enumerate().map(point).collect();
+        let messages = [
+            image(color_s, "color", "rgb8", size, frame.color.pixels().as_flattened()),
+            point_cloud(depth_s, frame_id, size, &points),
+            camera_info("color", size, "plumb_bob", [fx, fy, cx, cy], &d),
+            point_cloud(depth_s, "lidar", (2, 1), &[[1.0; 3]; 2]),
+        ];
+        for (channel_id, message) in channels.into_iter().zip(messages) {
+            let (sequence, log_time, publish_time) = (0, 0, 0);
+            let header =
+                mcap::records::MessageHeader { channel_id, sequence, log_time, publish_time };
+            writer.write_to_known_channel(&header, &message).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
 /// Runs a source in lock-step; its trajectory, and the JSON object.
 fn track(workspace: &Workspace, source: &str, more: &str) -> (String, serde_json::Value) {
     let out = format!("out-{}", source.replace([':', '/', '.'], "-"));
@@ -140,6 +180,24 @@ fn an_mcap_file_is_tracked_as_the_folder_that_it_was_made_of() {
     fs::write(workspace.path("bag/metadata.yaml"), "relative_file_paths:\n  - bag_0.mcap\n")
         .unwrap();
     assert_eq!(track(&workspace, "bag:bag", "").0, expected);
+}
+
+#[test]
+fn points_in_rows_are_tracked_as_the_depth_images_that_they_are() {
+    let workspace = Workspace::new();
+    let folder = workspace.room(8);
+    let (frames, camera) = frames(&folder, 8);
+    write_mcap(&workspace.path("images.mcap"), &frames, &camera, false, false);
+    write_clouds(&workspace.path("clouds.mcap"), &frames, &camera, "color");
+    let (expected, _) = track(&workspace, "images.mcap", "");
+    assert_eq!(track(&workspace, "clouds.mcap", "").0, expected);
+
+    write_clouds(&workspace.path("base.mcap"), &frames[..1], &camera, "base");
+    let ran = workspace.run("--log error run base.mcap --out base", &[]);
+    ran.expect_failure(&["/cam/points are in frame `base`, color is in frame `color`"]);
+    let ran =
+        workspace.run("--log error run clouds.mcap --depth-topic /lidar/points --out no", &[]);
+    ran.expect_failure(&["`/lidar/points` is not a topic for depth", "height above 1"]);
 }
 
 #[test]

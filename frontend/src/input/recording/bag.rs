@@ -6,7 +6,8 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use super::error::{Note, RecordingError};
+use super::error::RecordingError;
+use super::note::Note;
 
 /// What describes a bag.
 pub(super) const METADATA: &str = "metadata.yaml";

@@ -1,5 +1,4 @@
-//! What is wrong with a recording as a whole, with one message of it, and what the caller should know of
-//! a recording that can be used.
+//! What is wrong with a recording as a whole, or with one message of it.
 //!
 //! Each variant names the file with the byte or row, or the topic.
 
@@ -190,6 +189,22 @@ pub enum RecordingError {
         /// Why.
         source: MessageError,
     },
+    /// The points of a cloud are in another frame than the color camera's, in which z is depth.
+    #[error(
+        "{}: the points of {cloud} are in frame `{found}`, color is in frame `{camera}`: z is depth only in \
+         the color camera's frame",
+        path.display()
+    )]
+    CloudElsewhere {
+        /// The recording.
+        path: PathBuf,
+        /// The topic.
+        cloud: String,
+        /// Its frame.
+        found: String,
+        /// That of color.
+        camera: String,
+    },
     /// Odometry is of a body that no chain of static transforms joins with the camera.
     #[error(
         "{}: odometry is of frame `{body}`, color is in frame `{camera}`, and no static transforms          (tf2_msgs/msg/TFMessage on tf_static) join them; frames of these transforms: {}",
@@ -319,6 +334,14 @@ pub enum MessageError {
         /// Rows.
         height: u32,
     },
+    /// The points of a cloud have no such field, or it is no 32-bit float within a point.
+    #[error("the points have no field `{field}` of type FLOAT32 within their {point_step} bytes")]
+    NoField {
+        /// The field.
+        field: &'static str,
+        /// Bytes a point.
+        point_step: u32,
+    },
     /// The rows of an image do not hold its pixels.
     #[error("{bytes} bytes in rows of {step} cannot hold {width}x{height} pixels of `{encoding}`")]
     Rows {
@@ -372,112 +395,6 @@ pub enum MessageError {
     /// The image is a part of the sensor or is binned, and the intrinsics are those of the whole.
     #[error("the camera's image is binned or a part of the sensor's (roi), which is not supported")]
     Binned,
-}
-
-/// What the caller should know of a recording that is read nevertheless.
-#[derive(Debug)]
-#[non_exhaustive]
-pub enum Note {
-    /// The file has no end: whoever recorded it was killed, or it was copied in part.
-    Cut {
-        /// The file.
-        path: PathBuf,
-        /// Where what can be read ends.
-        offset: u64,
-    },
-    /// A part is skipped.
-    Damaged(RecordingError),
-    /// More parts than are listed are skipped.
-    MoreDamage {
-        /// How many.
-        parts: u64,
-    },
-    /// The folder has no `metadata.yaml`, as where its recorder was killed.
-    WithoutMetadata {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// A topic has more images than are listed; the later ones are not read.
-    TooMany {
-        /// The topic.
-        topic: String,
-        /// The limit.
-        most: usize,
-    },
-    /// Images of one topic have the same timestamp; the first of them is used.
-    Repeated {
-        /// The topic.
-        topic: String,
-        /// How many are not used.
-        messages: usize,
-    },
-    /// Color images that no depth image is near enough in time; they are no frames.
-    WithoutDepth {
-        /// How many.
-        images: usize,
-    },
-    /// Color and depth are in different frames, and nothing says that their cameras are the same.
-    OtherFrame {
-        /// That of color.
-        color: String,
-        /// That of depth.
-        depth: String,
-    },
-    /// Messages of odometry that cannot be used.
-    NoPoses {
-        /// The topic.
-        topic: String,
-        /// How many.
-        messages: usize,
-    },
-    /// Color images at whose time odometry has no pose.
-    WithoutOdometry {
-        /// The topic of odometry.
-        topic: String,
-        /// How many.
-        images: usize,
-    },
-}
-
-impl fmt::Display for Note {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Cut { path, offset } => write!(
-                f,
-                "{}: the recording has no end; it is read up to byte {offset}",
-                path.display()
-            ),
-            Self::Damaged(error) => write!(f, "{error}; this part is skipped"),
-            Self::MoreDamage { parts } => write!(f, "{parts} more damaged parts are skipped"),
-            Self::WithoutMetadata { path } => write!(
-                f,
-                "{}: no metadata.yaml; the files are read in the order of their names",
-                path.display()
-            ),
-            Self::TooMany { topic, most } => {
-                write!(f, "{topic}: more than {most} images; the later ones are not read")
-            }
-            Self::Repeated { topic, messages } => {
-                write!(f, "{topic}: {messages} images have the timestamp of another one; not used")
-            }
-            Self::WithoutDepth { images } => {
-                write!(f, "{images} color images have no depth image close in time")
-            }
-            Self::OtherFrame { color, depth } => write!(
-                f,
-                "color is in frame `{color}` and depth in `{depth}`: depth must be registered to color, \
-                 else the map will be wrong"
-            ),
-            Self::NoPoses { topic, messages } => write!(
-                f,
-                "{topic}: {messages} messages are no poses, are of another body than the first, or repeat \
-                 a time; not used"
-            ),
-            Self::WithoutOdometry { topic, images } => {
-                write!(f, "{topic} has no pose at the time of {images} images")
-            }
-        }
-    }
 }
 
 /// Topics in one line, as errors are.

@@ -49,6 +49,7 @@ pub(super) fn sample(kind: Kind, head: &[u8]) -> Sample {
                 Kind::Image
                 | Kind::CompressedImage
                 | Kind::CameraInfo
+                | Kind::PointCloud
                 | Kind::Pose
                 | Kind::StaticTransforms
                 | Kind::Other,

@@ -3,6 +3,7 @@
 //! Built for tests and with the feature `fuzzing` only. Each function takes any bytes and panics where a
 //! promise is broken.
 
+use super::clouds::{self, PointCloud};
 use super::messages::{self, CameraInfo, CompressedImage, Encoding, Kind, RawImage, Sample};
 use super::transforms::Transforms;
 use super::{camera_info, images, poses};
@@ -13,6 +14,7 @@ pub fn ros_message(input: &[u8]) {
     message(Encoding::Cdr, input);
     message(Encoding::Protobuf, input);
     pose(input);
+    cloud(input);
     let _added = Transforms::default().add(input);
 }
 
@@ -25,12 +27,22 @@ fn pose(input: &[u8]) {
     }
 }
 
+/// As [`ros_message`]: the depth of a point cloud is in meters.
+fn cloud(input: &[u8]) {
+    let cloud = PointCloud::read(input);
+    if let Ok(depth) = cloud.and_then(|cloud| clouds::depth(&cloud, None)) {
+        assert!(depth.pixels().len() <= input.len() / 4, "more points than the message has");
+        assert!(depth.pixels().iter().all(|&d| d.is_finite() && d >= 0.0), "no depth in meters");
+    }
+}
+
 fn message(encoding: Encoding, input: &[u8]) {
     let _time = messages::timestamp_s(encoding, input);
     for kind in [
         Kind::Image,
         Kind::CompressedImage,
         Kind::CameraInfo,
+        Kind::PointCloud,
         Kind::Pose,
         Kind::StaticTransforms,
         Kind::Other,

@@ -46,7 +46,7 @@ pub(super) fn is_compressed_depth(format: &str) -> bool {
 }
 
 /// The rows of an image of which each pixel has so many bytes.
-fn rows<'a>(
+pub(super) fn rows<'a>(
     image: &RawImage<'a>,
     bytes_per_pixel: usize,
 ) -> Result<(usize, usize, impl Iterator<Item = &'a [u8]> + use<'a>), MessageError> {
@@ -72,7 +72,7 @@ fn rows<'a>(
 }
 
 /// An image of these pixels, of which there are as many as its rows have.
-fn image<T: Copy>(
+pub(super) fn image<T: Copy>(
     (width, height): (usize, usize),
     pixels: Vec<T>,
 ) -> Result<Image<T>, MessageError> {
@@ -182,7 +182,7 @@ fn millimeters(value: u16, units_per_m: f32) -> f32 {
 }
 
 /// No number, infinity and less than 0 say that nothing was measured.
-fn measured(meters: f32) -> f32 {
+pub(super) fn measured(meters: f32) -> f32 {
     if meters.is_finite() && meters > 0.0 { meters } else { 0.0 }
 }
 

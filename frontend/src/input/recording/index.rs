@@ -7,8 +7,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use super::error::{Note, RecordingError};
+use super::error::RecordingError;
 use super::messages::{self, Encoding, Kind, Sample};
+use super::note::Note;
 use super::topics::TopicSummary;
 
 /// How many damaged parts are reported.
@@ -59,7 +60,7 @@ pub(super) struct Topic {
     pub(super) kind: Kind,
     /// All messages.
     pub(super) count: u64,
-    /// Those that may be read: all images, poses and static transforms, and the first message about a camera.
+    /// Those that may be read: all images, point clouds, poses and static transforms, and the first message about a camera.
     pub(super) messages: Vec<Message>,
     /// What the first message says.
     pub(super) sample: Sample,
@@ -169,6 +170,7 @@ impl Index {
             Kind::Image
             | Kind::CompressedImage
             | Kind::CameraInfo
+            | Kind::PointCloud
             | Kind::Pose
             | Kind::StaticTransforms => {}
         }

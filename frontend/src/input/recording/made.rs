@@ -88,6 +88,35 @@ pub fn transforms(parts: &[(&str, &str, [f64; 7])]) -> Vec<u8> {
     writer.message()
 }
 
+/// `sensor_msgs/msg/PointCloud2` with `rows` of 32-bit floats x, y, z, 4 bytes behind a point's beginning and 4 before its
+/// end.
+#[must_use]
+pub fn point_cloud(
+    timestamp_s: f64,
+    frame_id: &str,
+    (width, height): (usize, usize),
+    points: &[[f32; 3]],
+) -> Vec<u8> {
+    const POINT_BYTES: usize = 20;
+    let mut writer = Writer::new(timestamp_s, frame_id);
+    writer.u32(height as u32);
+    writer.u32(width as u32);
+    writer.u32(3);
+    for (name, offset) in [("x", 4), ("y", 8), ("z", 12)] {
+        writer.text(name);
+        writer.u32(offset);
+        writer.number([7]);
+        writer.u32(1);
+    }
+    writer.number([0]);
+    writer.u32(POINT_BYTES as u32);
+    writer.u32((POINT_BYTES * width) as u32);
+    let point = |[x, y, z]: &[f32; 3]| [0.0, *x, *y, *z, 0.0].map(f32::to_le_bytes).concat();
+    writer.bytes(&points.iter().flat_map(point).collect::<Vec<u8>>());
+    writer.number([0]);
+    writer.message()
+}
+
 /// `sensor_msgs/msg/CompressedImage`, of this time (s).
 #[must_use]
 pub fn compressed_image(timestamp_s: f64, frame_id: &str, format: &str, data: &[u8]) -> Vec<u8> {
@@ -152,6 +181,7 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ("foxglove-color", foxglove::compressed_image(1.0, "color", "png", &png)),
         ("foxglove-camera", foxglove::camera_calibration("", size, "plumb_bob", camera, &[0.1])),
         ("odometry", pose(1.0, "odom", Some("base"), [1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8])),
+        ("cloud", point_cloud(1.0, "color", (1, 2), &[[0.1, 0.2, 1.5], [f32::NAN; 3]])),
         ("transforms", transforms(&[("base", "camera", [0.5, 0.0, 1.0, 0.0, 0.0, 0.6, 0.8])])),
         ("camera-rational", camera_info("color", size, "rational_polynomial", camera, &[0.1; 8])),
     ]

@@ -14,6 +14,8 @@ pub(super) enum Kind {
     Image,
     CompressedImage,
     CameraInfo,
+    /// Points, in rows where they are organized.
+    PointCloud,
     /// One of those that have a pose.
     Pose,
     /// Transforms that do not change with time.
@@ -47,6 +49,7 @@ impl Kind {
             "sensor_msgs/msg/Image" => Self::Image,
             "sensor_msgs/msg/CompressedImage" => Self::CompressedImage,
             "sensor_msgs/msg/CameraInfo" => Self::CameraInfo,
+            "sensor_msgs/msg/PointCloud2" => Self::PointCloud,
             // The same type has those that change.
             "tf2_msgs/msg/TFMessage" if topic.rsplit('/').next() == Some("tf_static") => {
                 Self::StaticTransforms
@@ -114,7 +117,7 @@ impl Sample {
                 Kind::CompressedImage => {
                     Self { frame_id, encoding: cdr.text("format")?.to_owned(), size: None }
                 }
-                Kind::CameraInfo => {
+                Kind::CameraInfo | Kind::PointCloud => {
                     let (height, width) = (cdr.u32("height")? as usize, cdr.u32("width")? as usize);
                     Self { frame_id, encoding: String::new(), size: Some((width, height)) }
                 }

@@ -13,15 +13,16 @@
 //! | `topics` | which topics are color, depth and camera |
 //! | `cdr`, `messages` | ROS 2 messages from bytes |
 //! | `protobuf`, `foxglove` | Foxglove's messages from bytes |
-//! | `images`, `camera_info` | what pixels and lenses mean |
+//! | `images`, `clouds`, `camera_info` | what pixels, organized points and lenses mean |
 //! | `source` | the frames |
 //! | `poses` | the trajectory of a topic, in place of frames |
 //! | `odometry`, `transforms` | where the camera was by odometry of another frame of its robot |
-//! | `error` | what is wrong with a recording or a message, and what the caller should know |
+//! | `error`, `note` | what is wrong with a recording or a message, and what the caller should know |
 
 mod bag;
 mod camera_info;
 mod cdr;
+mod clouds;
 mod error;
 mod foxglove;
 #[cfg(any(test, feature = "fuzzing"))]
@@ -31,6 +32,7 @@ mod index;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod made;
 mod messages;
+mod note;
 mod odometry;
 mod poses;
 mod protobuf;
@@ -43,7 +45,8 @@ use std::path::{Path, PathBuf};
 
 use covis_solvers::geometry::PinholeRadialTangential;
 
-pub use error::{Fault, MessageError, Note, RecordingError};
+pub use error::{Fault, MessageError, RecordingError};
+pub use note::Note;
 pub use poses::read_trajectory;
 pub use topics::{Role, TopicNames, TopicSummary};
 
@@ -51,7 +54,7 @@ use super::error::InputError;
 use super::folder::ImplausibleDepth;
 use super::{FrameSource, camera_file};
 use index::{Index, Topic};
-use messages::CameraInfo;
+use messages::{CameraInfo, Kind};
 use odometry::Odometry;
 use source::{Files, RecordedFrames};
 use storage::Storage;
@@ -193,6 +196,11 @@ fn check_registration(
     let frames = [color, depth].map(|topic| topic.sample.frame_id.clone());
     if frames[0] == frames[1] {
         return Ok(());
+    }
+    if depth.kind == Kind::PointCloud {
+        let (path, cloud) = (path.to_owned(), depth.name.clone());
+        let [camera, found] = frames;
+        return Err(RecordingError::CloudElsewhere { path, cloud, found, camera });
     }
     let cameras = [color, depth].map(|images| {
         let info = topics::info_beside(topics, images)?;

@@ -9,8 +9,9 @@ use std::path::Path;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 
-use super::error::{Note, RecordingError};
+use super::error::RecordingError;
 use super::index::Topic;
+use super::note::Note;
 use super::poses;
 use super::source::Files;
 use super::transforms::Transforms;

@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 
 use covis_solvers::geometry::PinholeRadialTangential;
 
-use super::error::{MessageError, Note, RecordingError};
+use super::clouds::{self, PointCloud};
+use super::error::{MessageError, RecordingError};
 use super::images;
 use super::index::{Message, Place, Topic};
 use super::messages::{CompressedImage, Encoding, Kind, RawImage};
+use super::note::Note;
 use super::odometry::Odometry;
 use super::storage::Storage;
 use crate::image::{Image, RgbdFrame};
@@ -57,7 +59,7 @@ struct Pair {
 #[derive(Clone, Debug)]
 struct Images {
     name: String,
-    is_compressed: bool,
+    kind: Kind,
     encoding: Encoding,
 }
 
@@ -127,7 +129,7 @@ impl RecordedFrames {
         }
         let [color, depth] = [color, depth].map(|topic| Images {
             name: topic.name.clone(),
-            is_compressed: topic.kind == Kind::CompressedImage,
+            kind: topic.kind,
             encoding: topic.encoding(),
         });
         let (odometry, next, size) = (None, 0, None);
@@ -157,7 +159,7 @@ impl RecordedFrames {
 
     /// Why millimeters do not seem to be the recording's unit, by its first depth images.
     pub(super) fn implausible_depth(&mut self) -> Option<ImplausibleDepth> {
-        if self.units_per_m.is_some() || self.depth.is_compressed {
+        if self.units_per_m.is_some() || self.depth.kind != Kind::Image {
             return None;
         }
         let mut values = Vec::new();
@@ -171,9 +173,9 @@ impl RecordedFrames {
     }
 
     fn color(&mut self, message: Message) -> Result<Image<[u8; 3]>, FrameError> {
-        let Images { is_compressed, encoding, .. } = self.color;
+        let Images { kind, encoding, .. } = self.color;
         let read = |bytes: &[u8]| {
-            if is_compressed {
+            if kind == Kind::CompressedImage {
                 images::compressed_color(&CompressedImage::read(encoding, bytes)?)
             } else {
                 images::color(&RawImage::read(encoding, bytes)?)
@@ -184,13 +186,13 @@ impl RecordedFrames {
     }
 
     fn depth(&mut self, message: Message) -> Result<Image<f32>, FrameError> {
-        let (Images { is_compressed, encoding, .. }, units_per_m) = (&self.depth, self.units_per_m);
-        let read = |bytes: &[u8]| {
-            if *is_compressed {
+        let (Images { kind, encoding, .. }, units_per_m) = (&self.depth, self.units_per_m);
+        let read = |bytes: &[u8]| match kind {
+            Kind::CompressedImage => {
                 images::compressed_depth(&CompressedImage::read(*encoding, bytes)?, units_per_m)
-            } else {
-                images::depth(&RawImage::read(*encoding, bytes)?, units_per_m)
             }
+            Kind::PointCloud => clouds::depth(&PointCloud::read(bytes)?, units_per_m),
+            _ => images::depth(&RawImage::read(*encoding, bytes)?, units_per_m),
         };
         let image = read(self.files.read(message.place)?);
         image.map_err(|source| self.failed(&self.depth.name, message, source))

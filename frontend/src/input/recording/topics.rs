@@ -47,7 +47,7 @@ impl Role {
             }
             Self::Depth => {
                 "sensor_msgs/msg/Image with 16UC1 or 32FC1, or sensor_msgs/msg/CompressedImage with \
-                 compressedDepth"
+                 compressedDepth, or sensor_msgs/msg/PointCloud2 with rows (height above 1)"
             }
             Self::Camera => "sensor_msgs/msg/CameraInfo; --camera gives the numbers instead",
             Self::Trajectory => {
@@ -66,6 +66,8 @@ impl Role {
             (Self::Color, Kind::CompressedImage) => !images::is_compressed_depth(encoding),
             (Self::Depth, Kind::Image) => images::is_depth(encoding),
             (Self::Depth, Kind::CompressedImage) => images::is_compressed_depth(encoding),
+            // Points in rows are pixels.
+            (Self::Depth, Kind::PointCloud) => topic.sample.size.is_some_and(|(_, rows)| rows > 1),
             (Self::Camera, Kind::CameraInfo) | (Self::Trajectory, Kind::Pose) => true,
             (Self::Odometry, Kind::Pose) => poses::names_body(&topic.type_name),
             (
@@ -73,6 +75,7 @@ impl Role {
                 Kind::Image
                 | Kind::CompressedImage
                 | Kind::CameraInfo
+                | Kind::PointCloud
                 | Kind::Pose
                 | Kind::StaticTransforms
                 | Kind::Other,
@@ -255,7 +258,7 @@ fn color_score(topic: &Topic) -> i32 {
         + is_raw(topic)
 }
 
-/// What drivers call registered goes first, then what has the frame and the size of color; raw before
+/// Images go before point clouds. What drivers call registered goes first, then what has the frame and the size of color; raw before
 /// compressed.
 fn depth_score(topic: &Topic, color: &Topic) -> i32 {
     let name = topic.name.to_lowercase();
@@ -263,7 +266,8 @@ fn depth_score(topic: &Topic, color: &Topic) -> i32 {
         ["aligned", "registered", "_to_color", "_to_rgb"].iter().any(|w| name.contains(w));
     let has_frame = topic.sample.frame_id == color.sample.frame_id;
     let has_size = topic.sample.size.is_some() && topic.sample.size == color.sample.size;
-    8 * i32::from(is_registered)
+    16 * i32::from(topic.kind != Kind::PointCloud)
+        + 8 * i32::from(is_registered)
         + 4 * i32::from(has_frame)
         + 2 * i32::from(has_size)
         + is_raw(topic)
@@ -284,6 +288,7 @@ mod tests {
             Kind::CompressedImage => "sensor_msgs/msg/CompressedImage",
             Kind::CameraInfo => "sensor_msgs/msg/CameraInfo",
             Kind::Pose => "nav_msgs/msg/Odometry",
+            Kind::PointCloud => "sensor_msgs/msg/PointCloud2",
             Kind::StaticTransforms => "tf2_msgs/msg/TFMessage",
             Kind::Other => "sensor_msgs/msg/Imu",
         };
@@ -301,6 +306,27 @@ mod tests {
             messages: Vec::new(),
             sample,
         }
+    }
+
+    #[test]
+    fn points_in_rows_are_depth_where_no_image_is() {
+        let color = topic("/cam/image_raw", Kind::Image, "rgb8", "optical");
+        let cloud = topic("/cam/depth_registered/points", Kind::PointCloud, "", "optical");
+        let mut lidar = topic("/lidar/points", Kind::PointCloud, "", "lidar");
+        lidar.sample.size = Some((65_536, 1));
+        let depth = topic("/cam/depth", Kind::Image, "16UC1", "depth");
+        let chosen = |topics: &[Topic], named| {
+            let names = TopicNames { depth: named, ..TopicNames::default() };
+            images(Path::new("a"), topics, names).map(|(_, depth)| depth.name.clone())
+        };
+        let mut topics = vec![color, cloud, lidar];
+        assert_eq!(chosen(&topics, None).unwrap(), "/cam/depth_registered/points");
+        let error = chosen(&topics, Some("/lidar/points")).unwrap_err().to_string();
+        assert!(error.contains("height above 1") && error.contains("65536x1"), "{error}");
+        topics.push(depth);
+        assert_eq!(chosen(&topics, None).unwrap(), "/cam/depth");
+        let named = Some("/cam/depth_registered/points");
+        assert_eq!(chosen(&topics, named).ok().as_deref(), named);
     }
 
     /// What a RealSense driver records.

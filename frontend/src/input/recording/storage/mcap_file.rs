@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 
 use lz4_flex::frame::FrameDecoder;
 
-use super::super::error::{Fault, Note, RecordingError};
+use super::super::error::{Fault, RecordingError};
 use super::super::index::{At, HEAD_BYTES, Index, Place};
+use super::super::note::Note;
 use super::mcap_record::{self as record, MESSAGE_HEAD, PREFIX};
 use super::{MAX_MESSAGE_BYTES, check_length};
 

@@ -7,7 +7,7 @@ use super::super::index::{At, Topic};
 use super::super::messages::Kind;
 use super::mcap_record::MAGIC;
 use super::*;
-use crate::input::recording::error::Note;
+use crate::input::recording::note::Note;
 
 fn record(opcode: u8, fields: &[&[u8]]) -> Vec<u8> {
     let fields = fields.concat();
