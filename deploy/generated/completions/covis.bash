@@ -4636,7 +4636,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__run)
-            opts="-h --map --out --force --format --camera --depth-scale --color-topic --depth-topic --camera-info-topic --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --ca --cert --key --token-file --server-wait --server --config --log --log-format --help"
+            opts="-h --map --out --force --format --camera --depth-scale --color-topic --depth-topic --camera-info-topic --odometry --readout-ms --depth-late-ms --no-mask --mask-dir --save-masks --mesh --voxel --truncation-voxels --memory-mb --mesh-every --lock-step --threads --seed --frames --mcap --report --json --ca --cert --key --token-file --server-wait --server --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4671,6 +4671,10 @@ _covis() {
                     return 0
                     ;;
                 --camera-info-topic)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --odometry)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;

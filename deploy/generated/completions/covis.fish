@@ -834,6 +834,7 @@ complete -c covis -n "__fish_covis_using_subcommand run" -l depth-scale -d 'Unit
 complete -c covis -n "__fish_covis_using_subcommand run" -l color-topic -d 'Topic of the color images of an MCAP file or a bag [default: found by type and name]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l depth-topic -d 'Topic of the depth images, registered to color [default: found by type and name]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l camera-info-topic -d 'Topic of the camera\'s intrinsics [default: camera_info beside the color images]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l odometry -d 'Topic of odometry in an MCAP file or a bag. The motion between keyframes goes to the server as a measurement, whose noise the server finds. Static transforms must join its frame with the camera\'s' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l readout-ms -d 'Time from the first row\'s exposure to the last row\'s [default: from camera.txt, else a Kinect\'s 26.1; of an MCAP file or a bag 0]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l depth-late-ms -d 'How much later than their timestamps depth images are taken [default: from camera.txt, else -15; of an MCAP file or a bag 0]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l mask-dir -d 'Masks of known moving objects, one PNG file per frame: above 127 where something moves, named by the frame\'s timestamp' -r -F
