@@ -70,8 +70,8 @@ fn odometry(walk: &Sequence, shares: [f64; 2]) -> Vec<(f64, Se3)> {
     messages
 }
 
-/// A bag of every `step`th frame of the walk, dark ones in `dark`, with odometry of the base.
-fn write(path: &Path, step: usize, dark: std::ops::Range<usize>, shares: [f64; 2]) {
+/// A bag of every `step`th frame of the walk, dark ones in `dark`, with odometry of the base where it has shares.
+fn write(path: &Path, step: usize, dark: std::ops::Range<usize>, shares: Option<[f64; 2]>) {
     let walk = walk();
     let options = mcap::WriteOptions::new().profile("ros2").compression(None);
     let mut writer = options.create(fs::File::create(path).unwrap()).unwrap();
@@ -103,16 +103,19 @@ fn write(path: &Path, step: usize, dark: std::ops::Range<usize>, shares: [f64; 2
     let pinhole = [c.fx, c.fy, c.cx, c.cy];
     let info = camera_info("optical", (320, 240), "plumb_bob", pinhole, &[0.0; 5]);
     let camera_from_base = base_from_camera.inverse();
-    let poses = odometry(&walk, shares).into_iter().map(|(time_s, odom_from_camera)| {
+    let message = |(time_s, odom_from_camera): (f64, Se3)| {
         let Se3 { rotation, translation: t } = odom_from_camera.compose(&camera_from_base);
         let q = rotation.quaternion();
         pose(time_s, "odom", Some("base"), [t.x, t.y, t.z, q.i, q.j, q.k, q.w])
-    });
+    };
+    let poses = |shares| odometry(&walk, shares).into_iter().map(message).collect();
     put("/cam/color/image_raw", "sensor_msgs/msg/Image", color);
     put("/cam/depth_registered/image_raw", "sensor_msgs/msg/Image", depth);
     put("/cam/color/camera_info", "sensor_msgs/msg/CameraInfo", vec![info]);
-    put("/wheels/odom", "nav_msgs/msg/Odometry", poses.collect());
-    put("/tf_static", "tf2_msgs/msg/TFMessage", vec![static_transforms]);
+    if let Some(shares) = shares {
+        put("/wheels/odom", "nav_msgs/msg/Odometry", poses(shares));
+        put("/tf_static", "tf2_msgs/msg/TFMessage", vec![static_transforms]);
+    }
     writer.finish().unwrap();
 }
 
@@ -172,7 +175,7 @@ fn bag(
 ) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("walk.mcap");
-    write(&path, step, dark, shares);
+    write(&path, step, dark, Some(shares));
     (folder, path)
 }
 
@@ -242,8 +245,9 @@ fn odometry_carries_tracking_where_frames_are_far_apart_and_through_the_dark() {
 #[test]
 fn a_bag_is_tracked_without_its_odometry_unless_the_topic_is_named() {
     let workspace = Workspace::new();
-    write(&workspace.path("walk.mcap"), 8, 0..0, [0.0; 2]);
-    let ran = workspace.run("--log info run walk.mcap --out out --json", &[]);
+    write(&workspace.path("walk.mcap"), 4, 0..0, Some([0.02; 2]));
+    write(&workspace.path("images.mcap"), 4, 0..0, None);
+    let ran = workspace.run("--log info run walk.mcap --out out --lock-step --json", &[]);
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     assert!(
         ran.stderr
@@ -251,14 +255,20 @@ fn a_bag_is_tracked_without_its_odometry_unless_the_topic_is_named() {
         "{}",
         ran.stderr
     );
-    let ran =
-        workspace.run("--log info run walk.mcap --odometry /wheels/odom --out with --json", &[]);
+    let images = "--log warn run images.mcap --out images --lock-step --json";
+    assert_eq!(workspace.run(images, &[]).code, Some(0));
+    let with = "--log info run walk.mcap --odometry /wheels/odom --out with --lock-step --json";
+    let ran = workspace.run(with, &[]);
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     assert!(
         ran.stderr.contains("odometry from /wheels/odom: nav_msgs/msg/Odometry"),
         "{}",
         ran.stderr
     );
+    let trajectory =
+        |out: &str| fs::read_to_string(workspace.path(out).join("trajectory.txt")).unwrap();
+    assert_eq!(trajectory("out"), trajectory("images"));
+    assert_ne!(trajectory("with"), trajectory("images"));
     workspace.run("--log error run walk.mcap --odometry /odom --out none", &[]).expect_failure(&[
         "`/odom` is not a topic for odometry",
         "/wheels/odom: nav_msgs/msg/Odometry",
