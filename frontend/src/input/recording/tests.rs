@@ -1,6 +1,6 @@
 //! A recording from its files to its frames: pairs, cameras, registration, and frames that cannot be read.
 
-use super::made::{camera_info, compressed_image, image};
+use super::made::{camera_info, compressed_image, image, pose, transforms};
 use super::*;
 use crate::image::Image;
 use crate::input::{FrameError, encode};
@@ -165,6 +165,58 @@ fn what_a_recording_lacks_is_named() {
     let found = error(&[color_topic(), late, info_topic()]);
     assert!(found.contains("no image of /cam/color/image_raw has one of"), "{found}");
     assert!(error(&[]).contains("there are no topics"));
+}
+
+/// Odometry at these times, of a body that moves along x by a meter a second.
+fn odometry_topic(times_s: &[f64]) -> Told<'static> {
+    let message = |&s: &f64| (9, pose(s, "odom", Some("base"), [s, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]));
+    ("/odom", "nav_msgs/msg/Odometry", times_s.iter().map(message).collect())
+}
+
+/// A static transform: the frame `child` is half a meter to the left of `base`.
+fn static_topic(child: &str) -> Told<'static> {
+    let message = transforms(&[("base", child, [0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0])]);
+    ("/tf_static", "tf2_msgs/msg/TFMessage", vec![(9, message)])
+}
+
+fn with_odometry(odometry: Told<'_>, static_transforms: Told<'_>) -> Result<OpenRecording, String> {
+    let images = [color_topic(), depth_topic("color", (2, 1)), info_topic()];
+    let file = recording(&[&images[..], &[odometry, static_transforms]].concat());
+    let topics = TopicNames { odometry: Some("/odom"), ..TopicNames::default() };
+    let options = RecordingOptions { topics, ..RecordingOptions::default() };
+    open_recording(file.path(), options, |_, _| true).map_err(|error| error.to_string())
+}
+
+#[test]
+fn frames_have_the_camera_where_odometry_has_its_body() {
+    let mut odometry = odometry_topic(&[0.5, 1.5, 2.5]);
+    odometry.2.push((9, vec![0, 1, 0, 0]));
+    let mut found = with_odometry(odometry, static_topic("color")).unwrap();
+    assert!(told(&found)[0].contains("/odom: 1 messages are no poses"), "{:?}", told(&found));
+    assert!(found.source.has_odometry());
+    let poses = (0..3).map(|_| found.source.next_frame().unwrap().unwrap().given_pose.unwrap());
+    let expected = [[1.0, 0.5, 0.0], [2.0, 0.5, 0.0], [3.0, 0.5, 0.0]];
+    for (pose, expected) in poses.zip(expected) {
+        assert!((pose.translation - nalgebra::Vector3::from(expected)).norm() < 1e-12, "{pose:?}");
+    }
+    let mut found = with_odometry(odometry_topic(&[0.9, 1.1, 1.3]), static_topic("color")).unwrap();
+    assert!(told(&found)[0].contains("/odom has no pose at the time of 2 images"));
+    let given = (0..3).map(|_| found.source.next_frame().unwrap().unwrap().given_pose.is_some());
+    assert_eq!(given.collect::<Vec<_>>(), [true, false, false]);
+}
+
+#[test]
+fn odometry_that_is_of_no_use_is_refused_by_what_it_lacks() {
+    let error = |times_s: &[f64], child: &str| {
+        with_odometry(odometry_topic(times_s), static_topic(child)).err().unwrap()
+    };
+    let found = error(&[1.0, 2.0], "lidar");
+    assert!(found.contains("frame `base`, color is in frame `color`"), "{found}");
+    assert!(found.contains("frames of these transforms: base, lidar"), "{found}");
+    let found = error(&[1.0], "color");
+    assert!(found.contains("/odom has fewer than two poses"), "{found}");
+    let found = error(&[101.0, 102.0], "color");
+    assert!(found.contains("/odom has no pose at the time of any image"), "{found}");
 }
 
 #[test]
