@@ -207,7 +207,8 @@ pub enum RecordingError {
     },
     /// Odometry is of a body that no chain of static transforms joins with the camera.
     #[error(
-        "{}: odometry is of frame `{body}`, color is in frame `{camera}`, and no static transforms          (tf2_msgs/msg/TFMessage on tf_static) join them; frames of these transforms: {}",
+        "{}: odometry is of frame `{body}`, color is in frame `{camera}`, and no static transforms \
+         (tf2_msgs/msg/TFMessage on tf_static) join them; frames of these transforms: {}",
         path.display(),
         if frames.is_empty() { "none".to_owned() } else { frames.join(", ") }
     )]
