@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import json
 import os
 import shutil
 import subprocess
@@ -86,6 +88,44 @@ def test_pycolmap_reads_a_converted_model_with_the_same_residuals(tmp_path: Path
         image.name for image in model.images.values()
     )
     assert np.isclose((reprojection_errors(third) ** 2).sum(), (errors**2).sum(), rtol=1e-9)
+
+
+def test_pycolmap_projects_a_model_of_openmvg_as_openmvg_does(tmp_path: Path) -> None:
+    pycolmap = pytest.importorskip("pycolmap")
+    spec = importlib.util.spec_from_file_location("make_openmvg", GOLDEN / "make_openmvg.py")
+    openmvg = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(openmvg)
+    given = json.loads((GOLDEN / "room-openmvg.json").read_text())
+    by_key = {
+        name: {entry["key"]: entry["value"] for entry in given[name]}
+        for name in ("views", "intrinsics", "extrinsics", "structure")
+    }
+    names: dict[int, str] = {}
+    for value in by_key["intrinsics"].values():
+        number = value["polymorphic_id"] % (1 << 31)
+        value["name"] = names.setdefault(number, value.get("polymorphic_name"))
+    convert(GOLDEN / "room-openmvg.json", tmp_path / "model")
+    model = pycolmap.Reconstruction(tmp_path / "model")
+    assert len(model.images) == len(by_key["extrinsics"]) and len(model.points3D) == len(by_key["structure"])
+    points = dict(zip(sorted(model.points3D), sorted(by_key["structure"])))
+    compared = 0
+    for key, value in by_key["views"].items():
+        view = value["ptr_wrapper"]["data"]
+        if view["id_pose"] not in by_key["extrinsics"]:
+            continue
+        pose, camera = by_key["extrinsics"][view["id_pose"]], by_key["intrinsics"][view["id_intrinsic"]]
+        (image,) = [i for i in model.images.values() if i.name == view["local_path"] + view["filename"]]
+        for seen in image.points2D:
+            point = by_key["structure"][points[seen.point3D_id]]
+            in_camera = np.array(pose["rotation"]) @ (np.array(point["X"]) - pose["center"])
+            at = openmvg.project(camera["name"], camera["ptr_wrapper"]["data"], in_camera)
+            (pixel,) = [o["value"]["x"] for o in point["observations"] if o["key"] == key]
+            # The center of COLMAP's first pixel is (0.5, 0.5).
+            theirs = image.project_point(model.points3D[seen.point3D_id].xyz)
+            assert np.allclose(theirs, at + 0.5, rtol=0, atol=1e-9)
+            assert np.allclose(seen.xy, np.array(pixel) + 0.5, rtol=0, atol=1e-12)
+            compared += 1
+    assert compared == 180
 
 
 def bal_cost(rows: np.ndarray, cameras: int, points: int, observations: int) -> float:

@@ -6,6 +6,7 @@ mod colmap;
 pub(crate) mod data;
 mod g2o;
 mod g2o_landmarks;
+mod openmvg;
 mod ply;
 mod pyfg;
 mod robustness;

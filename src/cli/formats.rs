@@ -10,6 +10,7 @@ use covis_solvers::geometry::Se3;
 use covis_solvers::io::IoError;
 use covis_solvers::io::format::{Content, FORMATS, Format};
 use covis_solvers::io::g2o::{ChangedLines, G2oChanges};
+use covis_solvers::io::openmvg::OpenMvgLeftOut;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use fs_err as fs;
 
@@ -22,9 +23,10 @@ pub(super) fn readable() -> impl TypedValueParser<Value = Format> {
     choice_of(readable.map(|entry| (entry.name, entry.format, entry.title)))
 }
 
-/// Takes one of the formats that are written: all.
+/// Takes one of the formats that are written.
 pub(super) fn writable() -> impl TypedValueParser<Value = Format> {
-    choice_of(FORMATS.iter().map(|entry| (entry.name, entry.format, entry.title)))
+    let writable = FORMATS.iter().filter(|entry| entry.is_written);
+    choice_of(writable.map(|entry| (entry.name, entry.format, entry.title)))
 }
 
 /// Takes one of the formats of trajectories.
@@ -84,6 +86,8 @@ pub(super) fn read_trajectory(
         | Format::Colmap(_)
         | Format::G2o
         | Format::Pyfg
+        | Format::OpenMvg
+        | Format::G2o
         | Format::Ply) => {
             let (file, entry) = (path.display(), other.entry());
             bail!(
@@ -115,6 +119,18 @@ fn foreign(bytes: &[u8]) -> Option<&'static str> {
     const OPENMVG: &[u8] = b"\"sfm_data_version\"";
     let is_openmvg = bytes.windows(OPENMVG.len()).take(4096).any(|part| part == OPENMVG);
     is_openmvg.then_some("OpenMVG's sfm_data.json")
+/// What a file is that other programs read and covis does not.
+fn foreign(path: &Path, bytes: &[u8]) -> Option<&'static str> {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    if ["pyfg", "pfg"].iter().any(|own| extension.is_some_and(|e| e.eq_ignore_ascii_case(own))) {
+        return Some("a PyFG factor graph, which covis does not read");
+    }
+    // Whether numbers have their low byte first, the length of the version, and the version.
+    let binary = bytes.get(1..).unwrap_or_default().starts_with(b"\x03\0\0\0\0\0\0\x000.");
+    binary.then_some(
+        "OpenMVG's sfm_data.bin, which covis does not read; openMVG_main_ConvertSfM_DataFormat makes \
+         sfm_data.json from it",
+    )
 }
 
 /// An error of a file, with what the file looks like where that is something else than `wanted`, and the
@@ -127,6 +143,8 @@ pub(super) fn with_kind(error: IoError, path: &Path, wanted: Content) -> anyhow:
     let bytes = fs::read(path).ok();
     if let Some(foreign) = bytes.as_ref().and_then(|bytes| foreign(bytes)) {
         return anyhow!("{error}; it looks like {foreign}, which covis does not read");
+    if let Some(foreign) = bytes.as_ref().and_then(|bytes| foreign(path, bytes)) {
+        return anyhow!("{error}; it looks like {foreign}");
     }
     let told = bytes.map(|bytes| Format::of_file(path, &bytes));
     // What looks like nothing is called TUM's, which would be no help.
@@ -184,5 +202,20 @@ pub(super) fn warn_of_changes(path: &Path, changes: &G2oChanges) {
     warn(changes.self_edges, "edges from a vertex to itself are left out");
     for (tag, lines) in &changes.skipped {
         warn(Some(*lines), &format!("lines with the tag {tag} are skipped"));
+    }
+}
+
+/// Warns of what the model of an OpenMVG file leaves out or changes.
+pub(super) fn warn_of_left_out(path: &Path, left_out: &OpenMvgLeftOut) {
+    let OpenMvgLeftOut { views, observations, control_points, shared_poses } = *left_out;
+    for (count, what) in [
+        (views, "views without a pose or an intrinsic are left out"),
+        (observations, "observations in such views are left out"),
+        (control_points, "control points are left out"),
+        (shared_poses, "views share their pose with another one; each gets a pose of its own"),
+    ] {
+        if count > 0 {
+            tracing::warn!("{}: {count} {what}", path.display());
+        }
     }
 }

@@ -232,7 +232,11 @@ fn docs_formats_has_the_list_of_formats() {
                 entry.extensions.iter().map(|ending| format!("`.{ending}`")).collect();
             let endings =
                 if endings.is_empty() { "a folder".to_owned() } else { endings.join(", ") };
-            let ways = if entry.is_read { "read and written" } else { "written" };
+            let ways = match (entry.is_read, entry.is_written) {
+                (true, true) => "read and written",
+                (true, false) => "read",
+                (false, _) => "written",
+            };
             format!(
                 "| `{}` | {} | {} | {endings} | {ways} |",
                 entry.name,

@@ -357,6 +357,38 @@ fn formats_of_other_programs_are_refused_by_name() {
     workspace.file("sfm_data.json", "{\"sfm_data_version\": \"0.3\", \"views\": []}\n");
     let ran = workspace.run("solve sfm_data.json", &[]);
     ran.expect_failure(&["sfm_data.json", "OpenMVG's sfm_data.json", "which covis does not read"]);
+    let graph = "VERTEX_SE2 0.0 A0 0.0 0.0 0.0\nEDGE_RANGE 0.0 A0 L0 1.0 0.01\n";
+    workspace.file("plaza.pyfg", graph);
+    workspace.file("sfm_data.bin", "\u{1}\u{3}\0\0\0\0\0\0\u{0}0.3\n");
+    for (file, name) in [("plaza.pyfg", "PyFG"), ("sfm_data.bin", "OpenMVG's sfm_data.bin")] {
+        let ran = workspace.run(&format!("solve {file}"), &[]);
+        ran.expect_failure(&[file, name, "which covis does not read"]);
+    }
+}
+
+#[test]
+fn a_file_of_openmvg_is_solved_and_written_as_a_colmap_model() {
+    let workspace = Workspace::new();
+    let input = golden("twins/room-openmvg.json");
+    let ran = workspace.run("solve {} --json --out model", &[&input]);
+    let report: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    for warned in ["1 views without a pose", "1 observations in such views", "1 control points"] {
+        assert!(ran.stderr.contains(warned), "{}", ran.stderr);
+    }
+    assert_eq!((&report["format"], &report["poses"]), (&"openmvg".into(), &6.into()));
+    // 180 observations with 0.3 px of noise in each of their two coordinates, less 36 + 90 + 31 unknowns
+    // that absorb a part of it.
+    let cost = number(&report, "final_cost");
+    assert!(cost > 5.0 && cost < 0.5 * 360.0 * 0.09, "{cost}");
+    assert!(number(&report, "initial_cost") > 10.0 * cost);
+    let solved = workspace.json("solve bundle model --json", &[]);
+    assert!(close(number(&solved, "initial_cost"), cost, 1e-9), "{solved}");
+    workspace
+        .run("convert {} other.json", &[&input])
+        .expect_failure(&["other.json", "covis reads openmvg but cannot write it"]);
+    workspace
+        .run("eval ape {} {}", &[&golden("twins/walk-truth.txt"), &input])
+        .expect_failure(&["is not a trajectory but OpenMVG's sfm_data.json (openmvg)"]);
 }
 
 #[test]

@@ -16,6 +16,8 @@ pub enum At {
     Byte(u64),
     /// A record (vertex, edge, image, …) by its number or id.
     Record(u64),
+    /// A record of a kind by the key that the file has for it.
+    Key(&'static str, u32),
 }
 
 impl fmt::Display for At {
@@ -24,6 +26,7 @@ impl fmt::Display for At {
             Self::Line(n) => write!(f, "line {n}"),
             Self::Byte(n) => write!(f, "byte {n}"),
             Self::Record(n) => write!(f, "record {n}"),
+            Self::Key(kind, key) => write!(f, "{kind} {key}"),
         }
     }
 }
@@ -46,6 +49,11 @@ impl Location {
     /// A byte of a binary file, from 0.
     pub(crate) fn byte(path: &Path, byte: usize) -> Self {
         Self { path: path.to_owned(), at: At::Byte(byte as u64) }
+    }
+
+    /// A record of a kind by its key.
+    pub(crate) fn key(path: &Path, kind: &'static str, key: u32) -> Self {
+        Self { path: path.to_owned(), at: At::Key(kind, key) }
     }
 
     /// A record by number or id.
@@ -131,6 +139,14 @@ pub enum IoError {
         field: String,
         /// The start of what stands there.
         found: String,
+    },
+    /// A file is no JSON, or lacks a member, or has one of another type.
+    #[error("{location}: {reason}")]
+    Json {
+        /// The line where it shows.
+        location: Location,
+        /// What the parser says, cut where it is long.
+        reason: String,
     },
     /// A number is NaN, infinite or too large for 64 bits.
     #[error("{location}: {field} is not finite")]

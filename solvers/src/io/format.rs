@@ -10,6 +10,9 @@ use super::files;
 use super::text::{Line, Text};
 use super::trajectory::TrajectoryFormat;
 
+/// How far into a file its first member is looked for.
+const HEAD_BYTES: usize = 4096;
+
 /// A format of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
@@ -21,6 +24,8 @@ pub enum Format {
     Bundler,
     /// A folder with COLMAP's sparse model.
     Colmap(ColmapEncoding),
+    /// OpenMVG's `sfm_data.json`; is read only.
+    OpenMvg,
     /// A pose graph.
     G2o,
     /// A pose graph with ranges and named variables.
@@ -57,6 +62,8 @@ pub struct Entry {
     pub title: &'static str,
     /// Whether covis reads it.
     pub is_read: bool,
+    /// Whether covis writes it.
+    pub is_written: bool,
 }
 
 const fn entry(
@@ -66,7 +73,9 @@ const fn entry(
     extensions: &'static [&'static str],
     title: &'static str,
 ) -> Entry {
-    Entry { format, name, content, extensions, title, is_read: !matches!(format, Format::Ply) }
+    let is_read = !matches!(format, Format::Ply);
+    let is_written = !matches!(format, Format::OpenMvg);
+    Entry { format, name, content, extensions, title, is_read, is_written }
 }
 
 /// Every format.
@@ -114,6 +123,7 @@ pub static FORMATS: [Entry; 10] = [
         &[],
         "folder with COLMAP's sparse model",
     ),
+    entry(Format::OpenMvg, "openmvg", Content::Bundle, &["json"], "OpenMVG's sfm_data.json"),
     entry(Format::G2o, "g2o", Content::PoseGraph, &["g2o"], "pose graph"),
     entry(
         Format::Pyfg,
@@ -143,8 +153,9 @@ impl Format {
             [Self::Trajectory(TrajectoryFormat::Euroc)] => {
                 Self::Trajectory(TrajectoryFormat::of_table(bytes))
             }
+            // Other programs write JSON too.
+            [] | [Self::OpenMvg] | [_, _, ..] => Self::of_bytes(bytes),
             [only] => only,
-            _ => Self::of_bytes(bytes),
         }
     }
 
@@ -170,6 +181,11 @@ impl Format {
     fn of_bytes(bytes: &[u8]) -> Self {
         if bytes.starts_with(b"# Bundle file") {
             return Self::Bundler;
+        }
+        let is_json = bytes.trim_ascii_start().starts_with(b"{");
+        let version = b"\"sfm_data_version\"";
+        if is_json && bytes.windows(version.len()).take(HEAD_BYTES).any(|part| part == version) {
+            return Self::OpenMvg;
         }
         let unknown = Self::Trajectory(TrajectoryFormat::Tum);
         // The reader says that it is compressed.
@@ -244,6 +260,8 @@ mod tests {
         assert_eq!(told("a.txt", "VERTEX_SE2 0.0 A0 0 0 0\n"), "pyfg");
         assert_eq!(told("a.txt", "VERTEX_XY L0 11 19\n"), "pyfg");
         assert_eq!(told("a.txt", ""), "tum");
+        assert_eq!(told("a.json", "{\n  \"sfm_data_version\": \"0.3\"}"), "openmvg");
+        assert_eq!(told("transforms.json", "{\"frames\": []}"), "tum");
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Files: BAL, Bundler, COLMAP sparse models, g2o, PyFactorGraph, trajectories of TUM, KITTI and EuRoC, pose matrices,
 //! PLY.
+//! Files: BAL, Bundler, COLMAP sparse models, OpenMVG, g2o, trajectories of TUM, KITTI and EuRoC, pose
+//! matrices, PLY.
 //!
 //! Each format has a plain struct that holds the file's own numbers and writes them back, and a
 //! conversion to and from problems. Conventions of a format (axes, pixel centers, direction of a
@@ -11,6 +13,7 @@
 //! | file | role |
 //! |---|---|
 //! | `bal`, `bundler`, `colmap` | bundle adjustment problems |
+//! | `openmvg` | bundle adjustment problems, read only |
 //! | `sparse_model`, `down_z` | the way between these; cameras that look down −z |
 //! | `g2o` | pose graphs |
 //! | `pyfg` | pose graphs with ranges and named variables |
@@ -31,6 +34,7 @@ mod files;
 pub mod format;
 pub mod g2o;
 mod natural_order;
+pub mod openmvg;
 pub mod ply;
 pub mod pose_matrix;
 pub mod pyfg;

@@ -1,4 +1,4 @@
-//! A bundle adjustment problem with what files hold beside it, between BAL, Bundler and COLMAP.
+//! A bundle adjustment problem with what files hold beside it, between BAL, Bundler, COLMAP and OpenMVG.
 //!
 //! Poses, points and residuals stay what they are, whatever the format. What a format cannot hold
 //! is refused with the camera's number where it changes residuals (distortion, two focal lengths), and
@@ -18,7 +18,7 @@ use crate::geometry::{Camera, Snavely};
 use crate::problem::BundleProblem;
 
 /// Color of points whose file has none.
-const GRAY: [u8; 3] = [128; 3];
+pub(super) const GRAY: [u8; 3] = [128; 3];
 
 /// A problem of observations (u, v) with names, sizes and colors.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -7,11 +7,12 @@ use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::Format;
 use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::io::openmvg::OpenMvgFile;
 use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use proptest::prelude::*;
 
-use super::{bal, bundler, colmap, g2o, g2o_landmarks};
+use super::{bal, bundler, colmap, g2o, g2o_landmarks, openmvg};
 
 /// Reads `bytes` as every format; what is accepted must also convert without a panic.
 fn read_as_everything(bytes: &[u8]) {
@@ -26,6 +27,11 @@ fn read_as_everything(bytes: &[u8]) {
     }
     if let Ok(file) = BundlerFile::parse(bytes, path) {
         let _ = SparseModel::from_bundler(&file).unwrap();
+    }
+    if let Ok(file) = OpenMvgFile::parse(bytes, path)
+        && let Ok((model, _)) = SparseModel::from_openmvg(&file, path)
+    {
+        let _ = model.to_colmap().unwrap();
     }
     for format in [TrajectoryFormat::Tum, TrajectoryFormat::Kitti, TrajectoryFormat::Euroc] {
         let _ = Trajectory::parse_as(bytes, path, format);
@@ -91,7 +97,7 @@ proptest! {
     }
 
     #[test]
-    fn mutated_text_files(changes in changes(), which in 0..9usize) {
+    fn mutated_text_files(changes in changes(), which in 0..10usize) {
         let trajectory = b"1.5 1 2 3 0 0 0 1\n2.5 1 2 3 0 0.6 0 0.8\n".to_vec();
         let mut bytes = [
             bal::small().to_bytes(),
@@ -103,6 +109,7 @@ proptest! {
             bundler::small().to_bytes(),
             g2o_landmarks::PLANE.into(),
             g2o_landmarks::SOLID.into(),
+            openmvg::ROOM.into(),
         ][which].clone();
         mutate(&mut bytes, &changes);
         read_as_everything(&bytes);

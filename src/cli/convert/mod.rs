@@ -15,6 +15,8 @@ use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::{Content, Format};
 use covis_solvers::io::g2o::{G2oChanges, G2oGraph, G2oReading};
+use covis_solvers::io::g2o::{G2oGraph, G2oPoint, G2oReading};
+use covis_solvers::io::openmvg::OpenMvgFile;
 use covis_solvers::io::ply::{PlyEncoding, PlyFile, PlyVertex};
 use covis_solvers::io::pyfg::PyfgGraph;
 use covis_solvers::io::sparse_model::SparseModel;
@@ -195,6 +197,13 @@ fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
         }
         Format::Bal => bundle(SparseModel::from_bal(&BalFile::parse(&bytes, path)?)),
         Format::Bundler => bundle(SparseModel::from_bundler(&BundlerFile::read(path)?)?),
+        Format::OpenMvg => {
+            let file = OpenMvgFile::parse(&bytes, path)?;
+            let (model, left_out) = SparseModel::from_openmvg(&file, path)
+                .with_context(|| format!("{}", path.display()))?;
+            formats::warn_of_left_out(path, &left_out);
+            bundle(model)
+        }
         Format::G2o => {
             let reading = G2oReading { skip_unknown: args.skip_unknown, ..G2oReading::default() };
             let (graph, changes) =
@@ -292,6 +301,8 @@ fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<
         (Format::Ply, input) => picture(input)?.write(out, PlyEncoding::Binary)?,
         (Format::Colmap(_) | Format::Bal | Format::Bundler, _)
         | (Format::G2o | Format::Pyfg, _) => {
+        (Format::OpenMvg, _) => bail!("{}: covis reads openmvg but cannot write it", out.display()),
+        (Format::Colmap(_) | Format::Bal | Format::Bundler, _) | (Format::G2o, _) => {
             let named = |format: Format| {
                 let entry = format.entry();
                 format!("{} ({})", entry.name, entry.content.name())

@@ -76,7 +76,8 @@ pub(super) struct Shared {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     pub(super) json: bool,
-    /// Write the solved problem in the input's own format, with 17 digits.
+    /// Write the solved problem in the input's own format, with 17 digits; that of OpenMVG as a folder with a
+    /// COLMAP sparse model.
     #[arg(long, value_name = "PATH")]
     pub(super) out: Option<PathBuf>,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! `covis solve bundle`: a BAL or Bundler file or a COLMAP folder.
+//! `covis solve bundle`: a file of BAL, Bundler or OpenMVG or a COLMAP folder.
 //!
 //! Minimizes ½ Σ ρ(‖predicted − measured‖²) in px² over every observation, also those behind their
 //! camera, or over those that start in front of it (`--behind-camera drop`). The gauge is free, as
@@ -16,7 +16,8 @@ use covis_solvers::io::IoError;
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel, ColmapProblem};
-use covis_solvers::io::format::Content;
+use covis_solvers::io::format::{Content, Format};
+use covis_solvers::io::openmvg::OpenMvgFile;
 use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::optimizer::{self, Termination};
 use covis_solvers::problem::BundleProblem;
@@ -27,7 +28,7 @@ use super::rebuild::{Rebuilt, rebuild};
 use super::report::{Details, Report, Solved};
 use super::residuals;
 use crate::cli::choices::{choice, name_of};
-use crate::cli::formats::with_kind;
+use crate::cli::formats::{warn_of_left_out, with_kind};
 use crate::cli::html::{self, solve::Residuals};
 use crate::cli::output::writable;
 use crate::cli::progress::Working;
@@ -36,7 +37,8 @@ use crate::report::{Page, Plan, views};
 /// Arguments of `covis solve bundle`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// A BAL file, a Bundler file (.out), or a folder with a COLMAP sparse model (text or binary).
+    /// A BAL file, a Bundler file (.out), OpenMVG's sfm_data.json, or a folder with a COLMAP sparse model
+    /// (text or binary).
     #[arg(value_name = "FILE")]
     input: PathBuf,
     #[command(flatten)]
@@ -217,8 +219,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Termination> {
     shared.report.write(|| {
         let title = format!("Bundle adjustment of {}", args.input.display());
         let mut page = report.page(&title, &outcome);
-        // Images of a COLMAP model are in the order of their names, as a rule that of a camera's way.
-        let is_path = matches!(source, Source::Colmap(..));
+        // Images of COLMAP and OpenMVG are in the order of their names, as a rule that of a camera's way.
+        let is_path = matches!(source, Source::Colmap(..) | Source::OpenMvg(_));
         if let Some(start) = &start_of_page {
             start.show(&solved.problem, is_path, &mut page);
         }
@@ -302,6 +304,8 @@ enum Source {
     Bal(BalFile),
     Bundler(Box<SparseModel>),
     Colmap(ColmapModel, ColmapEncoding),
+    /// Is written as a COLMAP model.
+    OpenMvg(Box<SparseModel>),
 }
 
 impl Source {
@@ -310,17 +314,28 @@ impl Source {
             let model = SparseModel::from_bundler(&BundlerFile::read(path)?)?;
             return Ok(Self::Bundler(Box::new(model)));
         }
-        if !path.is_dir() {
-            return Ok(Self::Bal(BalFile::read(path)?));
+        if path.is_dir() {
+            let encoding = ColmapEncoding::of_folder(path).unwrap_or(ColmapEncoding::Text);
+            return Ok(Self::Colmap(ColmapModel::read(path)?, encoding));
         }
-        let encoding = ColmapEncoding::of_folder(path).unwrap_or(ColmapEncoding::Text);
-        Ok(Self::Colmap(ColmapModel::read(path)?, encoding))
+        let read = std::fs::read(path);
+        let bytes = read.map_err(|source| IoError::Read { path: path.to_owned(), source })?;
+        // No other file of a problem is JSON.
+        let is_json = path.extension().is_some_and(|extension| extension == "json");
+        if is_json || Format::of_file(path, &bytes) == Format::OpenMvg {
+            let file = OpenMvgFile::parse(&bytes, path)?;
+            let (model, left_out) = SparseModel::from_openmvg(&file, path)?;
+            warn_of_left_out(path, &left_out);
+            return Ok(Self::OpenMvg(Box::new(model)));
+        }
+        Ok(Self::Bal(BalFile::parse(&bytes, path)?))
     }
 
     fn format(&self) -> &'static str {
         match self {
             Self::Bal(_) => "bal",
             Self::Bundler(_) => "bundler",
+            Self::OpenMvg(_) => "openmvg",
             Self::Colmap(_, ColmapEncoding::Text) => "colmap-text",
             Self::Colmap(_, ColmapEncoding::Binary) => "colmap-binary",
         }
@@ -332,7 +347,7 @@ impl Source {
             Self::Bal(file) => {
                 Ok(ColmapProblem { problem: file.to_problem(), ..ColmapProblem::default() })
             }
-            Self::Bundler(model) => {
+            Self::Bundler(model) | Self::OpenMvg(model) => {
                 Ok(ColmapProblem { problem: model.problem.clone(), ..ColmapProblem::default() })
             }
             Self::Colmap(model, _) => model.to_problem(),
@@ -346,11 +361,12 @@ impl Source {
                 file.write(out)
             }
             Self::Bundler(model) => {
-                // Observations stay the file's, also those that were left out of the solve.
-                model.problem.poses.clone_from(&solved.problem.poses);
-                model.problem.cameras.clone_from(&solved.problem.cameras);
-                model.problem.landmarks.clone_from(&solved.problem.landmarks);
+                update(model, &solved.problem);
                 model.to_bundler()?.write(out)
+            }
+            Self::OpenMvg(model) => {
+                update(model, &solved.problem);
+                model.to_colmap()?.write(out, ColmapEncoding::Binary)
             }
             Self::Colmap(model, encoding) => {
                 model.update_from(solved)?;
@@ -358,4 +374,12 @@ impl Source {
             }
         }
     }
+}
+
+/// Takes poses, cameras and landmarks. Observations stay the file's, also those that were left out of the
+/// solve.
+fn update(model: &mut SparseModel, solved: &BundleProblem) {
+    model.problem.poses.clone_from(&solved.poses);
+    model.problem.cameras.clone_from(&solved.cameras);
+    model.problem.landmarks.clone_from(&solved.landmarks);
 }

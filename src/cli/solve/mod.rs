@@ -38,7 +38,7 @@ pub(super) struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Problem {
-    /// Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model.
+    /// Bundle adjustment of a file of BAL, Bundler or OpenMVG, or of a folder with a COLMAP sparse model.
     Bundle(bundle::Args),
     /// A g2o or pyfg pose graph, SE2 or SE3; its first vertex (of g2o the lowest id) is held fixed.
     PoseGraph(pose_graph::Args),
