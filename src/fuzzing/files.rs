@@ -11,6 +11,7 @@ use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::Format;
 use covis_solvers::io::g2o::{G2oChanges, G2oGraph, G2oReading, Indefinite};
+use covis_solvers::io::openmvg::OpenMvgFile;
 use covis_solvers::io::pose_matrix;
 use covis_solvers::io::pyfg::PyfgGraph;
 use covis_solvers::io::sparse_model::SparseModel;
@@ -149,6 +150,19 @@ pub(super) fn bundler(input: &[u8]) {
     match SparseModel::from_bundler(&file) {
         Ok(model) => drop(model.problem.validate()),
         Err(error) => panic!("a file that was read makes no model: {error}"),
+    }
+}
+
+/// OpenMVG's `sfm_data.json`: what becomes a model becomes one of COLMAP's too, with as many observations.
+pub(super) fn openmvg(input: &[u8]) {
+    let Ok(file) = OpenMvgFile::parse(input, path()) else { return };
+    let Ok((model, left_out)) = SparseModel::from_openmvg(&file, path()) else { return };
+    let _refused = model.problem.validate();
+    let given: usize = file.points.values().map(|point| point.observations.len()).sum();
+    assert_eq!(model.problem.observation_count() + left_out.observations, given);
+    match model.to_colmap() {
+        Ok(colmap) => assert_eq!(colmap.points.len(), file.points.len(), "points are lost"),
+        Err(error) => panic!("a model has no form in COLMAP: {error}"),
     }
 }
 

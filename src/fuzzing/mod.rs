@@ -38,6 +38,7 @@ pub const TARGETS: [Target; 24] = [
     Target { name: "journal_folder", run: crate::store::fuzzing::journal_folder },
     Target { name: "jwt", run: crate::service::fuzzing::jwt },
     Target { name: "map_file", run: crate::store::fuzzing::map_file },
+    Target { name: "openmvg", run: files::openmvg },
     Target { name: "pem", run: crate::service::fuzzing::pem },
     Target { name: "pose_matrix", run: files::pose_matrix },
     Target { name: "pyfg", run: files::pyfg },
