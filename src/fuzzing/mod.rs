@@ -23,11 +23,12 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 24] = [
+pub const TARGETS: [Target; 25] = [
     Target { name: "bal", run: files::bal },
     Target { name: "bundler", run: files::bundler },
     Target { name: "camera_file", run: input::camera_file },
     Target { name: "capture", run: input::capture },
+    Target { name: "capture_archive", run: input::capture_archive },
     Target { name: "colmap_binary", run: files::colmap_binary },
     Target { name: "colmap_text", run: files::colmap_text },
     Target { name: "config", run: files::config },

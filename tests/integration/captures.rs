@@ -288,7 +288,7 @@ fn what_is_no_capture_is_refused_with_what_to_do() {
         workspace.run(&format!("--log error run {source}"), &[]).expect_failure(parts);
     };
     workspace.file("walk.r3d", "PK");
-    refused("walk.r3d", &["walk.r3d: an archive", "unzip"]);
+    refused("walk.r3d", &["walk.r3d: is not a zip archive that can be read"]);
     fs::create_dir(workspace.path("empty")).unwrap();
     refused("capture:empty", &["empty: no capture: neither transforms.json"]);
     workspace.file("cut.json", "{\"frames\": [");

@@ -6,7 +6,7 @@
 
 use std::path::{Component, Path};
 
-pub use super::capture::fuzzing::{capture, seeds as capture_seeds};
+pub use super::capture::fuzzing::{archive as capture_archive, capture, seeds as capture_seeds};
 pub use super::recording::fuzzing::ros_message;
 pub use super::recording::made as ros_messages;
 use super::{SensorTiming, camera_file, decode, encode, list};

@@ -1,4 +1,4 @@
-//! The files of a capture: those of a folder.
+//! The files of a capture: those of a folder, or of a zip archive.
 //!
 //! Names are relative, with `/` between their parts; what would lead out of the folder is refused.
 //! Files are read whole and bounded.
@@ -8,18 +8,33 @@ use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
 use super::MAX_FILE_BYTES;
+use super::archive::Archive;
 use super::error::{CaptureError, Place};
 
 /// Where the files of a capture are.
 #[derive(Debug)]
 pub(super) struct Container {
     root: PathBuf,
+    /// Set where the root is an archive.
+    archive: Option<Archive>,
 }
 
 impl Container {
     /// The files of a folder.
     pub(super) fn folder(root: &Path) -> Self {
-        Self { root: root.to_owned() }
+        Self { root: root.to_owned(), archive: None }
+    }
+
+    /// The files of an archive. Fails where it is none.
+    pub(super) fn archive(path: &Path) -> Result<Self, CaptureError> {
+        Ok(Self { root: path.to_owned(), archive: Some(Archive::open(path)?) })
+    }
+
+    /// Takes the files of the one folder that all files of an archive are in, where there is one.
+    pub(super) fn enter_common_folder(&mut self) {
+        if let Some(archive) = &mut self.archive {
+            archive.enter_common_folder();
+        }
     }
 
     /// How a file is called in messages.
@@ -29,11 +44,17 @@ impl Container {
 
     /// Whether there is such a file or folder.
     pub(super) fn has(&self, name: &str) -> bool {
-        self.root.join(name).exists()
+        match &self.archive {
+            Some(archive) => archive.has(name),
+            None => self.root.join(name).exists(),
+        }
     }
 
     /// The names of the files right in a folder, without it; nothing where there is no such folder.
     pub(super) fn names(&self, folder: &str) -> Result<Vec<String>, CaptureError> {
+        if let Some(archive) = &self.archive {
+            return Ok(archive.names(folder));
+        }
         let path = self.path(folder);
         if !path.is_dir() {
             return Ok(Vec::new());
@@ -50,16 +71,20 @@ impl Container {
     /// A file's bytes.
     pub(super) fn read(&mut self, name: &str) -> Result<Vec<u8>, CaptureError> {
         let path = self.path(name);
-        let read = || {
-            let mut bytes = Vec::new();
-            File::open(&path)?.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
-            Ok(bytes)
+        let limit = MAX_FILE_BYTES + 1;
+        let read = match &mut self.archive {
+            Some(archive) => archive.read(name, limit),
+            None => File::open(&path).and_then(|file| {
+                let mut bytes = Vec::new();
+                file.take(limit).read_to_end(&mut bytes)?;
+                Ok(bytes)
+            }),
         };
-        let bytes = read().map_err(|source| CaptureError::Read { path: path.clone(), source })?;
-        match bytes.len() as u64 {
-            0..=MAX_FILE_BYTES => Ok(bytes),
-            bytes => Err(CaptureError::TooLong { path, bytes }),
+        let bytes = read.map_err(|source| CaptureError::Read { path: path.clone(), source })?;
+        if bytes.len() as u64 > MAX_FILE_BYTES {
+            return Err(CaptureError::TooLong { path });
         }
+        Ok(bytes)
     }
 }
 

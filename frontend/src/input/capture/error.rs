@@ -36,12 +36,10 @@ pub enum CaptureError {
         source: std::io::Error,
     },
     /// A file is longer than any that is read.
-    #[error("{}: {bytes} bytes; at most {MAX_FILE_BYTES} are read", path.display())]
+    #[error("{}: is longer than {MAX_FILE_BYTES} bytes, the most that are read of a file", path.display())]
     TooLong {
         /// The file.
         path: PathBuf,
-        /// Its length.
-        bytes: u64,
     },
     /// The path has none of the layouts.
     #[error(
@@ -53,11 +51,13 @@ pub enum CaptureError {
         /// The folder or file.
         path: PathBuf,
     },
-    /// The capture is packed.
-    #[error("{}: an archive: unpack it (`unzip FILE -d FOLDER`) and name the folder", path.display())]
+    /// The archive is no zip archive, or is cut off.
+    #[error("{}: is not a zip archive that can be read: {problem}", path.display())]
     Archive {
         /// The file.
         path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
     },
     /// The file is not the JSON that the layout has.
     #[error("{}: {source}", path.display())]

@@ -1,12 +1,14 @@
-//! The fuzz target of captures: the JSON of each layout, and compressed depth.
+//! The fuzz targets of captures: the JSON of each layout and compressed depth, and archives.
 //!
-//! Built for tests and with the feature `fuzzing` only. It takes any bytes and panics where a promise is
+//! Built for tests and with the feature `fuzzing` only. They take any bytes and panic where a promise is
 //! broken.
 
+use std::io::Cursor;
 use std::path::{Component, Path};
 
 use covis_solvers::geometry::LieGroup;
 
+use super::archive::Archive;
 use super::lzfse::Lzfse;
 use super::record3d::Metadata;
 use super::{CapturedFrame, Place, numbers, polycam, transforms};
@@ -35,6 +37,23 @@ pub fn capture(input: &[u8]) {
     if let Ok(depth) = Lzfse::default().depth(input, size, path) {
         let is_depth = |&d: &f32| d.is_finite() && d >= 0.0;
         assert!(depth.size() == size && depth.pixels().iter().all(is_depth), "no depth in meters");
+    }
+}
+
+/// An archive: what it lists is there, and of an entry no more is read than asked for.
+pub fn archive(input: &[u8]) {
+    const LIMIT: u64 = 1 << 20;
+    let Ok(mut archive) = Archive::read_from(Cursor::new(input.to_vec()), Path::new("a.zip"))
+    else {
+        return;
+    };
+    for folder in ["rgbd", polycam::IMAGES] {
+        for name in archive.names(folder).into_iter().take(MOST_FRAMES) {
+            let name = format!("{folder}/{name}");
+            assert!(archive.has(&name), "{name}");
+            let read = archive.read(&name, LIMIT);
+            assert!(read.is_err() || read.is_ok_and(|bytes| bytes.len() as u64 <= LIMIT));
+        }
     }
 }
 

@@ -9,12 +9,13 @@
 //! |---|---|
 //! | `transforms`, `polycam`, `record3d` | a layout: its JSON as frames |
 //! | `numbers` | lenses and poses, checked and converted |
-//! | `container` | the files of a capture |
+//! | `container`, `archive` | the files of a capture, in a folder or in a zip archive |
 //! | `resample` | one size and one lens |
 //! | `lzfse` | compressed depth |
 //! | `source` | the frames |
 //! | `error` | what is wrong with a capture or a frame |
 
+mod archive;
 mod container;
 mod error;
 #[cfg(any(test, feature = "fuzzing"))]
@@ -98,27 +99,17 @@ pub struct OpenCapture {
     pub implausible_depth: Option<ImplausibleDepth>,
 }
 
-/// Which layout a path has.
+/// Which layout the files of a capture have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Layout {
     Transforms,
     Polycam,
     Record3d,
-    /// One of those, packed by the phone.
-    Archive,
 }
 
 impl Layout {
-    fn of(path: &Path) -> Option<Self> {
-        if path.is_file() {
-            let extension = path.extension()?.to_str()?.to_ascii_lowercase();
-            return match extension.as_str() {
-                "json" => Some(Self::Transforms),
-                "r3d" | "zip" => Some(Self::Archive),
-                _ => None,
-            };
-        }
-        let has = |name: &str| path.join(name).exists();
+    fn of(container: &Container) -> Option<Self> {
+        let has = |name: &str| container.has(name);
         if has(TRANSFORMS_FILE) {
             Some(Self::Transforms)
         } else if has(polycam::IMAGES) {
@@ -129,34 +120,56 @@ impl Layout {
     }
 }
 
-/// Whether there is a capture at a path: a folder of one of the layouts, a `.json` file, or an archive,
-/// which is refused with advice when it is opened.
-#[must_use]
-pub fn is_capture(path: &Path) -> bool {
-    Layout::of(path).is_some()
+/// Whether a path is a file with one of these extensions.
+fn is_file_of(path: &Path, extensions: &[&str]) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    extensions.iter().any(|own| extension.eq_ignore_ascii_case(own)) && path.is_file()
 }
 
-/// The `transforms.json` of a capture, where it has this layout.
+fn is_json(path: &Path) -> bool {
+    is_file_of(path, &["json"])
+}
+
+fn is_archive(path: &Path) -> bool {
+    is_file_of(path, &["r3d", "zip"])
+}
+
+/// Whether there is a capture at a path: a folder of one of the layouts, a `.json` file, or an archive,
+/// which is not opened here.
+#[must_use]
+pub fn is_capture(path: &Path) -> bool {
+    is_json(path) || is_archive(path) || Layout::of(&Container::folder(path)).is_some()
+}
+
+/// The `transforms.json` of a capture, where it has this layout and is not in an archive.
 #[must_use]
 pub fn transforms_file(path: &Path) -> Option<PathBuf> {
-    let is_transforms = Layout::of(path) == Some(Layout::Transforms);
-    let file = || if path.is_file() { path.to_owned() } else { path.join(TRANSFORMS_FILE) };
-    is_transforms.then(file)
+    if is_json(path) {
+        return Some(path.to_owned());
+    }
+    let layout = Layout::of(&Container::folder(path));
+    (layout == Some(Layout::Transforms)).then(|| path.join(TRANSFORMS_FILE))
 }
 
 /// Reads a capture's JSON.
 fn read(path: &Path) -> Result<Capture, CaptureError> {
-    let container = || Container::folder(path);
-    match Layout::of(path) {
-        Some(Layout::Polycam) => polycam::read(container()),
-        Some(Layout::Record3d) => record3d::read(container()),
-        Some(Layout::Transforms) => {
-            let name = path.file_name().and_then(|name| name.to_str());
-            let file = name.filter(|_| path.is_file());
-            let folder = if file.is_some() { path.parent().unwrap_or(path) } else { path };
-            transforms::read(Container::folder(folder), file.unwrap_or(TRANSFORMS_FILE))
-        }
-        Some(Layout::Archive) => Err(CaptureError::Archive { path: path.to_owned() }),
+    if let Some(name) = path.file_name().and_then(|name| name.to_str()).filter(|_| is_json(path)) {
+        return transforms::read(Container::folder(path.parent().unwrap_or(path)), name);
+    }
+    let mut container = match is_archive(path) {
+        true => Container::archive(path)?,
+        false => Container::folder(path),
+    };
+    let mut layout = Layout::of(&container);
+    if layout.is_none() {
+        // Many programs pack the folder itself.
+        container.enter_common_folder();
+        layout = Layout::of(&container);
+    }
+    match layout {
+        Some(Layout::Transforms) => transforms::read(container, TRANSFORMS_FILE),
+        Some(Layout::Polycam) => polycam::read(container),
+        Some(Layout::Record3d) => record3d::read(container),
         None => Err(CaptureError::Layout { path: path.to_owned() }),
     }
 }

@@ -169,9 +169,6 @@ fn a_bad_transforms_file_is_refused_by_file_and_field() {
     write(folder.path(), TRANSFORMS_FILE, "{\"frames\": [{\"file_path\": NaN");
     assert!(refused(folder.path()).contains("transforms.json: expected value at line 1"));
     assert!(refused(&folder.path().join("images")).contains("no capture: neither transforms.json"));
-    write(folder.path(), "walk.R3D", "PK");
-    assert!(is_capture(&folder.path().join("walk.R3D")));
-    assert!(refused(&folder.path().join("walk.R3D")).contains("walk.R3D: an archive: unpack it"));
 }
 
 #[test]
@@ -367,4 +364,101 @@ fn bad_metadata_of_record3d_are_refused_by_field() {
         error.contains("timestamp is 7.5, not later than the time of the frame before"),
         "{error}"
     );
+}
+
+/// An archive of a folder's files, each name behind `prefix`.
+fn packed(folder: &Path, prefix: &str) -> Vec<u8> {
+    let mut writer = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs_err::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let name = path.strip_prefix(folder).unwrap().to_str().unwrap();
+            let options = zip::write::SimpleFileOptions::default();
+            writer.start_file(format!("{prefix}{name}"), options).unwrap();
+            std::io::Write::write_all(&mut writer, &fs_err::read(&path).unwrap()).unwrap();
+        }
+    }
+    writer.finish().unwrap().into_inner()
+}
+
+#[test]
+fn an_archive_has_the_frames_of_its_folder() {
+    let folder = nerfstudio(&transforms());
+    let out = tempfile::tempdir().unwrap();
+    let expected: Vec<_> = frames(folder.path()).into_iter().map(Result::unwrap).collect();
+    for (name, prefix) in [("walk.zip", ""), ("walk.R3D", "walk/")] {
+        let path = out.path().join(name);
+        fs_err::write(&path, packed(folder.path(), prefix)).unwrap();
+        assert!(is_capture(&path) && transforms_file(&path).is_none());
+        let found: Vec<_> = frames(&path).into_iter().map(Result::unwrap).collect();
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(&expected) {
+            assert_eq!((&found.color, &found.depth_m), (&expected.color, &expected.depth_m));
+            assert_eq!(found.given_pose, expected.given_pose);
+        }
+        assert_eq!(given_poses(&path).unwrap(), given_poses(folder.path()).unwrap());
+    }
+    assert_eq!(fs_err::read_dir(out.path()).unwrap().count(), 2, "nothing is unpacked");
+}
+
+#[test]
+fn an_archive_that_is_none_is_refused_by_name() {
+    let folder = nerfstudio(&transforms());
+    let path = folder.path().join("walk.zip");
+    let whole = packed(&folder.path().join("images"), "");
+    fs_err::write(&path, &whole).unwrap();
+    assert!(refused(&path).contains("walk.zip: no capture: neither transforms.json"));
+    for cut in [0, 2, whole.len() / 2, whole.len() - 5] {
+        fs_err::write(&path, &whole[..cut]).unwrap();
+        assert!(
+            refused(&path).contains("walk.zip: is not a zip archive that can be read"),
+            "{cut}"
+        );
+    }
+}
+
+#[test]
+fn the_one_folder_of_a_layout_is_not_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "keyframes/images/1.jpg", color(9));
+    let path = folder.path().join("poly.zip");
+    fs_err::write(&path, packed(folder.path(), "")).unwrap();
+    let error = refused(&path);
+    assert!(error.contains("poly.zip/keyframes/") && !error.contains("no capture"), "{error}");
+}
+
+/// Archives that Python's `zipfile` made; those that it cannot make were changed by hand.
+fn made(name: &str) -> archive::Archive {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus/capture_archive");
+    let bytes = fs_err::read(folder.join(name)).unwrap();
+    archive::Archive::read_from(std::io::Cursor::new(bytes), Path::new(name)).unwrap()
+}
+
+#[test]
+fn what_an_archive_says_of_its_entries_is_not_trusted() {
+    let mut deflated = made("deflated-in-a-folder");
+    assert_eq!(deflated.names("walk"), ["metadata"]);
+    deflated.enter_common_folder();
+    assert!(deflated.has("metadata") && deflated.has("rgbd") && !deflated.has("rgb"));
+    assert_eq!(deflated.names("rgbd"), ["0.depth", "0.jpg"]);
+    assert_eq!(deflated.read("rgbd/0.jpg", 100).unwrap(), b"image");
+    // Ten megabytes of zeros in ten kilobytes.
+    assert_eq!(made("zeros").read("rgbd/0.jpg", 1000).unwrap().len(), 1000);
+    let refused = |name: &str, part: &str| {
+        let error = made(name).read("rgbd/0.jpg", 1000).unwrap_err().to_string();
+        assert!(error.contains(part), "{name}: {error}");
+    };
+    refused("encrypted", "assword");
+    refused("wrong-checksum", "checksum");
+    refused("bzip2", "ompression method not supported");
+    // Names that lead outside are only names, and the target of a link is only the bytes of a file.
+    let mut outside = made("names-outside");
+    assert_eq!(outside.names("rgbd"), ["0.jpg"]);
+    assert!(!outside.has("passwd"));
+    assert_eq!(outside.read("rgbd/0.jpg", 100).unwrap(), b"/etc/passwd");
 }
