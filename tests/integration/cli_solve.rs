@@ -384,7 +384,7 @@ fn a_file_of_openmvg_is_solved_and_written_as_a_colmap_model() {
     let solved = workspace.json("solve bundle model --json", &[]);
     assert!(close(number(&solved, "initial_cost"), cost, 1e-9), "{solved}");
     workspace
-        .run("convert {} other.json", &[&input])
+        .run("--log error convert {} other.json", &[&input])
         .expect_failure(&["other.json", "covis reads openmvg but cannot write it"]);
     workspace
         .run("eval ape {} {}", &[&golden("twins/walk-truth.txt"), &input])
