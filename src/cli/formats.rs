@@ -84,10 +84,9 @@ pub(super) fn read_trajectory(
         other @ (Format::Bal
         | Format::Bundler
         | Format::Colmap(_)
-        | Format::G2o
-        | Format::Pyfg
         | Format::OpenMvg
         | Format::G2o
+        | Format::Pyfg
         | Format::Ply) => {
             let (file, entry) = (path.display(), other.entry());
             bail!(
@@ -114,17 +113,8 @@ pub(super) fn read_timed(path: &Path) -> anyhow::Result<Trajectory> {
     Ok(trajectory)
 }
 
-/// The name of a format that other programs read and covis does not.
-fn foreign(bytes: &[u8]) -> Option<&'static str> {
-    const OPENMVG: &[u8] = b"\"sfm_data_version\"";
-    let is_openmvg = bytes.windows(OPENMVG.len()).take(4096).any(|part| part == OPENMVG);
-    is_openmvg.then_some("OpenMVG's sfm_data.json")
 /// What a file is that other programs read and covis does not.
-fn foreign(path: &Path, bytes: &[u8]) -> Option<&'static str> {
-    let extension = path.extension().and_then(|extension| extension.to_str());
-    if ["pyfg", "pfg"].iter().any(|own| extension.is_some_and(|e| e.eq_ignore_ascii_case(own))) {
-        return Some("a PyFG factor graph, which covis does not read");
-    }
+fn foreign(bytes: &[u8]) -> Option<&'static str> {
     // Whether numbers have their low byte first, the length of the version, and the version.
     let binary = bytes.get(1..).unwrap_or_default().starts_with(b"\x03\0\0\0\0\0\0\x000.");
     binary.then_some(
@@ -142,8 +132,6 @@ pub(super) fn with_kind(error: IoError, path: &Path, wanted: Content) -> anyhow:
     }
     let bytes = fs::read(path).ok();
     if let Some(foreign) = bytes.as_ref().and_then(|bytes| foreign(bytes)) {
-        return anyhow!("{error}; it looks like {foreign}, which covis does not read");
-    if let Some(foreign) = bytes.as_ref().and_then(|bytes| foreign(path, bytes)) {
         return anyhow!("{error}; it looks like {foreign}");
     }
     let told = bytes.map(|bytes| Format::of_file(path, &bytes));

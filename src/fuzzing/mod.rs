@@ -23,7 +23,7 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 25] = [
+pub const TARGETS: [Target; 26] = [
     Target { name: "bal", run: files::bal },
     Target { name: "bundler", run: files::bundler },
     Target { name: "camera_file", run: input::camera_file },

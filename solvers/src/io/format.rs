@@ -79,7 +79,7 @@ const fn entry(
 }
 
 /// Every format.
-pub static FORMATS: [Entry; 10] = [
+pub static FORMATS: [Entry; 11] = [
     entry(
         Format::Trajectory(TrajectoryFormat::Tum),
         "tum",

@@ -1,7 +1,5 @@
-//! Files: BAL, Bundler, COLMAP sparse models, g2o, PyFactorGraph, trajectories of TUM, KITTI and EuRoC, pose matrices,
-//! PLY.
-//! Files: BAL, Bundler, COLMAP sparse models, OpenMVG, g2o, trajectories of TUM, KITTI and EuRoC, pose
-//! matrices, PLY.
+//! Files: BAL, Bundler, COLMAP sparse models, OpenMVG, g2o, PyFactorGraph, trajectories of TUM, KITTI and
+//! EuRoC, pose matrices, PLY.
 //!
 //! Each format has a plain struct that holds the file's own numbers and writes them back, and a
 //! conversion to and from problems. Conventions of a format (axes, pixel centers, direction of a

@@ -15,7 +15,6 @@ use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::format::{Content, Format};
 use covis_solvers::io::g2o::{G2oChanges, G2oGraph, G2oReading};
-use covis_solvers::io::g2o::{G2oGraph, G2oPoint, G2oReading};
 use covis_solvers::io::openmvg::OpenMvgFile;
 use covis_solvers::io::ply::{PlyEncoding, PlyFile, PlyVertex};
 use covis_solvers::io::pyfg::PyfgGraph;
@@ -299,10 +298,9 @@ fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<
         (Format::Pyfg, Input::PoseGraph(graph)) => PyfgGraph::from_g2o(graph)?.write(out)?,
         (Format::Pyfg, Input::Named(graph)) => graph.whole()?.write(out)?,
         (Format::Ply, input) => picture(input)?.write(out, PlyEncoding::Binary)?,
+        (Format::OpenMvg, _) => bail!("{}: covis reads openmvg but cannot write it", out.display()),
         (Format::Colmap(_) | Format::Bal | Format::Bundler, _)
         | (Format::G2o | Format::Pyfg, _) => {
-        (Format::OpenMvg, _) => bail!("{}: covis reads openmvg but cannot write it", out.display()),
-        (Format::Colmap(_) | Format::Bal | Format::Bundler, _) | (Format::G2o, _) => {
             let named = |format: Format| {
                 let entry = format.entry();
                 format!("{} ({})", entry.name, entry.content.name())
