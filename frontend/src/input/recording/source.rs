@@ -187,12 +187,14 @@ impl RecordedFrames {
 
     fn depth(&mut self, message: Message) -> Result<Image<f32>, FrameError> {
         let (Images { kind, encoding, .. }, units_per_m) = (&self.depth, self.units_per_m);
-        let read = |bytes: &[u8]| match kind {
-            Kind::CompressedImage => {
+        let read = |bytes: &[u8]| {
+            if *kind == Kind::CompressedImage {
                 images::compressed_depth(&CompressedImage::read(*encoding, bytes)?, units_per_m)
+            } else if *kind == Kind::PointCloud {
+                clouds::depth(&PointCloud::read(bytes)?, units_per_m)
+            } else {
+                images::depth(&RawImage::read(*encoding, bytes)?, units_per_m)
             }
-            Kind::PointCloud => clouds::depth(&PointCloud::read(bytes)?, units_per_m),
-            _ => images::depth(&RawImage::read(*encoding, bytes)?, units_per_m),
         };
         let image = read(self.files.read(message.place)?);
         image.map_err(|source| self.failed(&self.depth.name, message, source))
