@@ -685,7 +685,7 @@ _covis() {
             fi
             case "${prev}" in
                 --from)
-                    COMPREPLY=($(compgen -W "tum kitti euroc bal bundler colmap-text colmap-binary g2o pyfg" -- "${cur}"))
+                    COMPREPLY=($(compgen -W "tum kitti euroc bal bundler colmap-text colmap-binary openmvg g2o pyfg" -- "${cur}"))
                     return 0
                     ;;
                 --to)

@@ -73,6 +73,7 @@ bal\t'bundle adjustment in the large'
 bundler\t'Bundler, with its list of images'
 colmap-text\t'folder with COLMAP\'s sparse model'
 colmap-binary\t'folder with COLMAP\'s sparse model'
+openmvg\t'OpenMVG\'s sfm_data.json'
 g2o\t'pose graph'
 pyfg\t'PyFactorGraph\'s pose graph with ranges'"
 complete -c covis -n "__fish_covis_using_subcommand convert" -l to -d 'Format of the output: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o, pyfg or ply [default: by its name; a name without extension is a COLMAP folder]' -r -f -a "tum\t'TUM trajectory'
@@ -915,12 +916,12 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_s
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log-format -d 'Format of log lines [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "bundle" -d 'Bundle adjustment of a file of BAL, Bundler or OpenMVG, or of a folder with a COLMAP sparse model'
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "pose-graph" -d 'A g2o or pyfg pose graph, SE2 or SE3; its first vertex (of g2o the lowest id) is held fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l max-iterations -d 'Maximum number of iterations, rejected ones included' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l loss -d 'Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l out -d 'Write the solved problem in the input\'s own format, with 17 digits' -r -F
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l out -d 'Write the solved problem in the input\'s own format, with 17 digits; that of OpenMVG as a folder with a COLMAP sparse model' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l free-intrinsics -d 'Intrinsics to optimize, where the camera\'s model has them: a list with commas' -r -f -a "focal-length\t'One or two focal lengths, depending on the model'
 principal-point\t'The principal point'
@@ -943,7 +944,7 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l max-iterations -d 'Maximum number of iterations, rejected ones included' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l loss -d 'Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations' -r
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l out -d 'Write the solved problem in the input\'s own format, with 17 digits' -r -F
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l out -d 'Write the solved problem in the input\'s own format, with 17 digits; that of OpenMVG as a folder with a COLMAP sparse model' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l report -d 'Write a report with plots and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l method -d 'Levenberg-Marquardt or Gauss-Newton' -r -f -a "lm\t'Levenberg-Marquardt'
 gn\t'Gauss-Newton'"
@@ -969,7 +970,7 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l skip-unknown -d 'Skip the lines that covis does not read, and say how many of each tag; --out does not have them. Without this flag such a line is an error'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l incremental -d 'Add the vertices one by one in id order, each with its edges to lower ids, and optimize after each; reports how long a step takes'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -s h -l help -d 'Print help (see more with \'--help\')'
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "bundle" -d 'Bundle adjustment of a file of BAL, Bundler or OpenMVG, or of a folder with a COLMAP sparse model'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "pose-graph" -d 'A g2o or pyfg pose graph, SE2 or SE3; its first vertex (of g2o the lowest id) is held fixed'
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from help" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand help; and not __fish_seen_subcommand_from doctor backup convert eval fuse mesh grid bench-frontend demo synth completions health job load map record replay run serve worker solve help" -f -a "doctor" -d 'Check a data directory without a server: verify, report, repair'
@@ -1023,5 +1024,5 @@ complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcom
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "delete" -d 'Delete a map with its journal'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "export" -d 'Write a map to files'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from map" -f -a "import" -d 'Create a map from files: an export of covis, COLMAP, g2o, or a trajectory'
-complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from solve" -f -a "bundle" -d 'Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model'
+complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from solve" -f -a "bundle" -d 'Bundle adjustment of a file of BAL, Bundler or OpenMVG, or of a folder with a COLMAP sparse model'
 complete -c covis -n "__fish_covis_using_subcommand help; and __fish_seen_subcommand_from solve" -f -a "pose-graph" -d 'A g2o or pyfg pose graph, SE2 or SE3; its first vertex (of g2o the lowest id) is held fixed'
