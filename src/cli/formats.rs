@@ -41,7 +41,8 @@ pub(super) fn of_trajectories() -> impl TypedValueParser<Value = TrajectoryForma
 fn named_recording(argument: &Path) -> Option<(PathBuf, Option<String>)> {
     let is_recording = |path: &Path| {
         let extension = path.extension().and_then(|extension| extension.to_str());
-        matches!(extension, Some("mcap" | "db3")) || path.is_dir() && is_bag(path)
+        // A bag of ROS 1 is refused by name where it is opened.
+        matches!(extension, Some("mcap" | "db3" | "bag")) || path.is_dir() && is_bag(path)
     };
     if is_recording(argument) {
         return Some((argument.to_owned(), None));
@@ -115,6 +116,11 @@ pub(super) fn read_timed(path: &Path) -> anyhow::Result<Trajectory> {
 
 /// What a file is that other programs read and covis does not.
 fn foreign(bytes: &[u8]) -> Option<&'static str> {
+    if bytes.starts_with(b"#ROSBAG V") {
+        return Some(
+            "a bag of ROS 1, which covis does not read; rosbags-convert makes one of ROS 2",
+        );
+    }
     // Whether numbers have their low byte first, the length of the version, and the version.
     let binary = bytes.get(1..).unwrap_or_default().starts_with(b"\x03\0\0\0\0\0\0\x000.");
     binary.then_some(

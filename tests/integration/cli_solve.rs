@@ -358,6 +358,14 @@ fn formats_of_other_programs_are_refused_by_name() {
     let ran = workspace.run("solve sfm_data.bin", &[]);
     let named = "OpenMVG's sfm_data.bin, which covis does not read";
     ran.expect_failure(&["sfm_data.bin", named]);
+    workspace.file("drive.bag", "#ROSBAG V2.0\nE\n");
+    let named = "`rosbags-convert --src drive.bag --dst FOLDER` makes one of ROS 2 from it";
+    for command in ["run drive.bag", "eval ape drive.bag:/tf drive.bag", "convert drive.bag a.txt"]
+    {
+        workspace.run(command, &[]).expect_failure(&["drive.bag: a bag of ROS 1", named]);
+    }
+    let ran = workspace.run("solve drive.bag", &[]);
+    ran.expect_failure(&["drive.bag", "a bag of ROS 1, which covis does not read"]);
 }
 
 #[test]

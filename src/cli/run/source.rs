@@ -208,7 +208,8 @@ impl Source {
         let extension = path.is_file().then(|| path.extension()).flatten()?;
         match extension.to_str()? {
             "mcap" => Some(Self::Recording("mcap", path.to_owned())),
-            "db3" => Some(Self::Recording("bag", path.to_owned())),
+            // A bag of ROS 1 is refused by name where it is opened.
+            "db3" | "bag" => Some(Self::Recording("bag", path.to_owned())),
             _ => is_capture(path).then(|| Self::Capture(path.to_owned())),
         }
     }

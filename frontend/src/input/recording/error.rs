@@ -32,6 +32,16 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
+    /// The file is a bag of ROS 1.
+    #[error(
+        "{}: a bag of ROS 1; `rosbags-convert --src {} --dst FOLDER` makes one of ROS 2 from it",
+        path.display(),
+        path.display()
+    )]
+    Ros1 {
+        /// The file.
+        path: PathBuf,
+    },
     /// The folder holds no bag.
     #[error("{}: neither metadata.yaml nor .mcap or .db3 files are in this folder", path.display())]
     NotABag {

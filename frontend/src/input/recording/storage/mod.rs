@@ -49,6 +49,9 @@ impl Storage {
         if begin.starts_with(&ZSTD_MAGIC) {
             return Err(RecordingError::Compressed { path });
         }
+        if begin.starts_with(b"#ROSBAG V") {
+            return Err(RecordingError::Ros1 { path });
+        }
         Err(RecordingError::Format { path })
     }
 

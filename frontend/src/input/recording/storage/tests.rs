@@ -114,6 +114,7 @@ fn a_file_without_an_end_is_read_up_to_there() {
     }
     assert!(matches!(scan(&whole[..7]), Err(RecordingError::Format { .. })));
     assert!(matches!(scan(&ZSTD_MAGIC), Err(RecordingError::Compressed { .. })));
+    assert!(matches!(scan(b"#ROSBAG V2.0\n"), Err(RecordingError::Ros1 { .. })));
 }
 
 #[test]
