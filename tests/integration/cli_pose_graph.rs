@@ -178,7 +178,7 @@ fn a_graph_with_landmarks_and_priors_is_solved_and_written_back_whole() {
     for (flag, reason) in [
         ("--robust gnc-tls", "landmarks or ranges cannot be judged"),
         ("--certify", "cannot be certified"),
-        ("--incremental", "has landmarks or priors"),
+        ("--incremental", "has landmarks, ranges or priors"),
     ] {
         let refused = workspace.run(&format!("solve pose-graph {{}} {flag}"), &[&input]);
         refused.expect_failure(&[reason]);
