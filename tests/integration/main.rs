@@ -24,6 +24,7 @@ mod cli_recorded;
 mod cli_report;
 mod cli_run;
 mod cli_solve;
+mod cli_solve_formats;
 mod cli_support;
 mod cli_synth;
 mod client;

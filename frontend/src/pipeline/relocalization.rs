@@ -6,8 +6,8 @@
 //! Where that motion is lost too, the newest frame is asked for instead. Besides, each frame is aligned
 //! with the last one whose pose is known: without any answer tracking resumes where the camera comes
 //! back to it. With odometry nothing is asked for: where no landmark confirms the frame, odometry says where
-//! it is, and the place is mapped anew. A frame that was found is not published, because how the camera turns meanwhile, and so
-//! the error of its shutter, is not known: the next one is tracked from it.
+//! it is, and the place is mapped anew. A frame that was found is not published, because how the camera
+//! turns meanwhile, and so the error of its shutter, is not known: the next one is tracked from it.
 
 use std::sync::Arc;
 

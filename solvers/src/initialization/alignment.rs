@@ -1,11 +1,12 @@
 //! Aligns a graph with its priors, as the start of a solve.
 //!
-//! Each piece that edges, landmarks and ranges tie together and that has no constant pose may turn and shift as a whole: its edges
-//! do not change. The motion that takes the measured points to their measurements minimizes Σ √trace(Ω) ‖X p
-//! − z‖, a sum of distances, which false measurements move little; it is found by iteratively reweighted
-//! closed-form fits (Umeyama 1991, without scale). A piece with a prior on a whole pose has the motion that
-//! meets it as well. The candidate with the least Σ √χ² over the priors is taken, the given poses included.
-//! Of an edge it uses only which poses it connects.
+//! Each piece that edges, landmarks and ranges tie together and that has no constant pose may turn and
+//! shift as a whole: its edges do not change. The motion that takes the measured points to their
+//! measurements minimizes Σ √trace(Ω) ‖X p − z‖, a sum of distances, which false measurements move
+//! little; it is found by iteratively reweighted closed-form fits (Umeyama 1991, without scale). A
+//! piece with a prior on a whole pose has the motion that meets it as well. The candidate with the
+//! least Σ √χ² over the priors is taken, the given poses included. Of an edge it uses only which poses
+//! it connects.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 

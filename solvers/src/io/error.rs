@@ -260,7 +260,7 @@ pub enum IoError {
         /// How many there are.
         count: usize,
     },
-    /// A name stands where it does not fit.
+    /// A name does not fit where it is used.
     #[error("{location}: {field} {name} {reason}")]
     Name {
         /// Where.

@@ -1,6 +1,7 @@
 //! Landmarks of a pose graph: points with ids, and what was measured of them.
 //!
-//! A structure of arrays like the poses beside it. It holds, places and checks; the residuals are those of [`LandmarkMeasurement`].
+//! A structure of arrays like the poses beside it. It holds, places and checks; the residuals are those of
+//! [`LandmarkMeasurement`].
 
 use std::collections::BTreeMap;
 

@@ -88,8 +88,7 @@ pub fn transforms(parts: &[(&str, &str, [f64; 7])]) -> Vec<u8> {
     writer.message()
 }
 
-/// `sensor_msgs/msg/PointCloud2` with `rows` of 32-bit floats x, y, z, 4 bytes behind a point's beginning and 4 before its
-/// end.
+/// `sensor_msgs/msg/PointCloud2` with rows of points, each of 20 bytes: 32-bit floats x, y, z from byte 4 on.
 #[must_use]
 pub fn point_cloud(
     timestamp_s: f64,

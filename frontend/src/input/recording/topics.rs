@@ -258,7 +258,8 @@ fn color_score(topic: &Topic) -> i32 {
         + is_raw(topic)
 }
 
-/// Images go before point clouds. What drivers call registered goes first, then what has the frame and the size of color; raw before
+/// Images go before point clouds.
+/// What drivers call registered goes first, then what has the frame and the size of color; raw before
 /// compressed.
 fn depth_score(topic: &Topic, color: &Topic) -> i32 {
     let name = topic.name.to_lowercase();
